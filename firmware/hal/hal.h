@@ -1,0 +1,50 @@
+/* The board as the core sees it: wheels, battery, identity, link and watchdog. */
+#ifndef HAL_H
+#define HAL_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { HAL_WHEELS = 2 }; /* 0 left, 1 right */
+
+struct hal_sample {
+    int32_t counts[HAL_WHEELS]; /* quadrature counts since reset, wrap modulo 2^32 */
+    uint16_t battery_mv;        /* supply of the bridges, at the terminals, last finished conversion */
+    bool battery_valid;         /* a conversion finished within the last 100 ms */
+};
+
+struct hal_identity {
+    uint8_t board_id[12]; /* unique device id, all zero where it cannot be read */
+    uint32_t boot_id;     /* differs from one boot to the next */
+    uint8_t reset_cause;  /* RCC_CSR bits 31:24 as found at reset */
+    uint32_t core_hz;     /* the core clock that start-up settled on */
+    bool clock_fallback;  /* the crystal or the PLL failed: timing has the accuracy of the RC oscillator */
+};
+
+/* Who this board is and how it came up; constant after start-up. */
+void hal_identity(struct hal_identity *out);
+
+/* The sensors now; never blocks. */
+void hal_sense(struct hal_sample *out);
+
+/* Applied effort, 1e-4 of supply, -10000..10000; drive/brake (slow decay), 0 = brake. */
+void hal_drive(const int16_t effort_e4[HAL_WHEELS]);
+
+/* Takes up to `capacity` received bytes out of the link; returns how many. */
+size_t hal_link_read(uint8_t *out, size_t capacity);
+
+/* Bytes that hal_link_write would take now. */
+size_t hal_link_writable(void);
+
+/* Queues bytes for sending; returns how many were taken (all or the part that fits). */
+size_t hal_link_write(const uint8_t *data, size_t length);
+
+/* Restarts the watchdog's count. */
+void hal_watchdog_feed(void);
+
+/* Holds off every interrupt; returns what hal_critical_exit needs to restore the state before. Nests. */
+uint32_t hal_critical_enter(void);
+void hal_critical_exit(uint32_t state);
+
+#endif
