@@ -1,0 +1,132 @@
+"""Every error that `truing` raises on purpose: what went wrong, and what to do next.
+
+The command line prints `TruingError` as one line (plus the next step) and exits with
+`exit_code`; anything else that escapes is a bug in truing and keeps its traceback.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class TruingError(Exception):
+    """What went wrong in the user's words, and the next step that may put it right.
+
+    Parameters
+    ----------
+    message : what went wrong, one line, without a full stop at its end.
+    next_step : what the user can do about it; empty when there is nothing to say.
+    """
+
+    exit_code = 2
+
+    def __init__(self, message: str, next_step: str = "") -> None:
+        super().__init__(message)
+        self.message = message
+        self.next_step = next_step
+
+    def __str__(self) -> str:
+        return self.message
+
+
+class FileError(TruingError):
+    """A file or folder of the user's cannot be read, written or understood."""
+
+    def __init__(self, path: str | Path, problem: str, next_step: str = "") -> None:
+        super().__init__(f"{path}: {problem}", next_step)
+        self.path = Path(path)
+        self.problem = problem
+
+
+class RecordingError(FileError):
+    """A recording breaks the contract; says in which file, column and row.
+
+    Parameters
+    ----------
+    row : line number in the file as an editor shows it (the header is line 1).
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        problem: str,
+        *,
+        column: str | None = None,
+        row: int | None = None,
+        next_step: str = "",
+    ) -> None:
+        places = []
+        if column is not None:
+            places.append(f"column {column!r}")
+        if row is not None:
+            places.append(f"row {row}")
+        where = ", ".join(places)
+        super().__init__(path, f"{where}: {problem}" if where else problem, next_step)
+        self.column = column
+        self.row = row
+
+
+class BaselineError(FileError):
+    """A baseline.toml is missing, unreadable, or lacks what the task needs."""
+
+
+class OutputError(FileError):
+    """A result cannot be written (disk full, no permission, a folder in the way)."""
+
+
+class PlanError(TruingError):
+    """A run plan is malformed, unknown, or asks for what the robot may not do."""
+
+
+class IdentifyError(TruingError):
+    """A recording is well-formed, but the asked-for quantity cannot be determined from it."""
+
+
+class PortError(TruingError):
+    """A port cannot be opened, or is not of a kind that truing knows."""
+
+
+class LinkError(TruingError):
+    """The link to the board failed: it went silent, closed, or kept corrupting frames."""
+
+
+class LinkTimeout(LinkError):
+    """The board did not answer within the time that was allowed."""
+
+
+class LinkClosed(LinkError):
+    """The link is closed: the cable was pulled, the port vanished, or the peer hung up."""
+
+
+class ProtocolMismatch(LinkError):
+    """The board speaks another version of the protocol than this host."""
+
+
+class Refused(TruingError):
+    """The board refused a request and said why; the motors do what they did before.
+
+    Parameters
+    ----------
+    request, reason : names from the protocol's schema.
+    """
+
+    def __init__(self, request: str, reason: str, message: str, next_step: str = "") -> None:
+        super().__init__(message, next_step)
+        self.request = request
+        self.reason = reason
+
+
+class BoardFault(TruingError):
+    """The board stopped by itself and latched one or more named faults."""
+
+    def __init__(self, faults: tuple[str, ...], message: str, next_step: str = "") -> None:
+        super().__init__(message, next_step)
+        self.faults = faults
+
+
+class LogError(TruingError):
+    """A downloaded log does not decode, or its digest differs from the board's."""
+
+
+class VirtualBoardError(TruingError):
+    """The virtual board cannot start or stopped (no image, no native library, a CPU fault)."""
