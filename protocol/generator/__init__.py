@@ -1,0 +1,1 @@
+"""Turns schema.toml into C, Python, byte tables and test vectors."""
