@@ -36,17 +36,21 @@ def outputs() -> dict[Path, str]:
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 when a generated file is stale")
+    parser.add_argument("--check", action="store_true", help="write nothing; exit 1 when a file is stale")
     arguments = parser.parse_args()
     try:
         wanted = outputs()
     except SchemaError as error:
         print(f"schema.toml: {error}", file=sys.stderr)
         return 2
-    stale = [path for path, text in wanted.items() if not path.exists() or path.read_text(encoding="utf-8") != text]
+    stale = [
+        path for path, text in wanted.items() if not path.exists() or path.read_text(encoding="utf-8") != text
+    ]
     for path in stale:
         if arguments.check:
-            print(f"{path.relative_to(HERE.parent)} is stale: run python3 protocol/generate.py", file=sys.stderr)
+            print(
+                f"{path.relative_to(HERE.parent)} is stale: run python3 protocol/generate.py", file=sys.stderr
+            )
         else:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(wanted[path], encoding="utf-8")

@@ -19,7 +19,11 @@ def _format(record: Record) -> str:
         if field.is_text:
             codes += f"{field.count}s"
         elif not field.is_tail:
-            codes += STRUCT_CODES[field.scalar] if field.count == 1 else f"{field.count}{STRUCT_CODES[field.scalar]}"
+            codes += (
+                STRUCT_CODES[field.scalar]
+                if field.count == 1
+                else f"{field.count}{STRUCT_CODES[field.scalar]}"
+            )
     return codes
 
 
@@ -49,8 +53,10 @@ def _unpack_terms(record: Record) -> list[str]:
             terms.append(f"{field.name}=payload[{record.size} :]")
         elif field.is_tail:
             inner = class_name(field.scalar)
-            terms.append(f"{field.name}=tuple({inner}.unpack(part) for part in _parts(payload[{record.size} :], {inner}.SIZE, "
-                         f"{class_name(record.name)}))")
+            terms.append(
+                f"{field.name}=tuple({inner}.unpack(part) for part in _parts(payload[{record.size} :], {inner}.SIZE, "
+                f"{class_name(record.name)}))"
+            )
         elif field.is_text:
             terms.append(f"{field.name}=_text(v[{index}])")
             index += 1
@@ -65,15 +71,26 @@ def _unpack_terms(record: Record) -> list[str]:
 
 def _dataclass(record: Record, message_lines: list[str], base: str = "") -> str:
     name, constant = class_name(record.name), f"_{record.name.upper()}"
-    lines = [f'{constant} = struct.Struct("{_format(record)}")', "", "", "@dataclass(frozen=True, slots=True)",
-             f"class {name}{base}:", f'    """{record.doc[0].upper() + record.doc[1:]}."""', "",
-             f"    SIZE: ClassVar[int] = {record.size}"]
+    lines = [
+        f'{constant} = struct.Struct("{_format(record)}")',
+        "",
+        "",
+        "@dataclass(frozen=True, slots=True)",
+        f"class {name}{base}:",
+        f'    """{record.doc[0].upper() + record.doc[1:]}."""',
+        "",
+        f"    SIZE: ClassVar[int] = {record.size}",
+    ]
     lines += message_lines
     if record.fields:
         lines.append("")
     lines += [f"    {f.name}: {_annotation(f)}{'  # ' + f.doc if f.doc else ''}" for f in record.fields]
     tail = record.tail
-    lines += ["", "    def pack(self) -> bytes:", '        """The payload\'s bytes; struct.error when a value does not fit its field."""']
+    lines += [
+        "",
+        "    def pack(self) -> bytes:",
+        '        """The payload\'s bytes; struct.error when a value does not fit its field."""',
+    ]
     fixed = f"{constant}.pack({_pack_terms(record)})"
     if tail is None:
         lines.append(f"        return {fixed}")
@@ -81,14 +98,21 @@ def _dataclass(record: Record, message_lines: list[str], base: str = "") -> str:
         lines.append(f"        return {fixed} + self.{tail.name}")
     else:
         lines.append(f'        return {fixed} + b"".join(item.pack() for item in self.{tail.name})')
-    lines += ["", "    @classmethod", f"    def unpack(cls, payload: bytes) -> {name}:",
-              '        """Read the payload\'s bytes; PayloadError when their number is wrong."""',
-              f"        _check_length(payload, {record.size}, {tail is not None}, cls)"]
+    lines += [
+        "",
+        "    @classmethod",
+        f"    def unpack(cls, payload: bytes) -> {name}:",
+        '        """Read the payload\'s bytes; PayloadError when their number is wrong."""',
+        f"        _check_length(payload, {record.size}, {tail is not None}, cls)",
+    ]
     if any(not f.is_tail for f in record.fields):
         lines.append(f"        v = {constant}.unpack_from(payload)")
     terms = _unpack_terms(record)
-    lines.append(f"        return cls({', '.join(terms)})" if len(", ".join(terms)) < 80 else
-                 "        return cls(\n" + "".join(f"            {t},\n" for t in terms) + "        )")
+    lines.append(
+        f"        return cls({', '.join(terms)})"
+        if len(", ".join(terms)) < 80
+        else "        return cls(\n" + "".join(f"            {t},\n" for t in terms) + "        )"
+    )
     return "\n".join([*lines, "", ""])
 
 
@@ -144,64 +168,137 @@ def messages(schema: Schema) -> str:
     for message in schema.messages:
         if message.reply is not None:
             parts.append(_dataclass(message.reply, []))
-        constants = [f"    ID: ClassVar[int] = {message.id:#04x}", f'    NAME: ClassVar[str] = "{message.name}"',
-                     f"    CHANGES: ClassVar[bool] = {message.changes}"]
+        constants = [
+            f"    ID: ClassVar[int] = {message.id:#04x}",
+            f'    NAME: ClassVar[str] = "{message.name}"',
+            f"    CHANGES: ClassVar[bool] = {message.changes}",
+        ]
         body = _dataclass(message.request, constants).rstrip()
-        parts.append(body + f'''
+        parts.append(
+            body
+            + f'''
 
     @staticmethod
     def unpack_reply(payload: bytes) -> {replies[message.name]}:
         """Read this request's reply."""
         return {replies[message.name]}.unpack(payload)
 
-''')
+'''
+        )
     parts.append(_dataclass(schema.refusal, []))
     parts.append(_dataclass(schema.log_header, []).rstrip() + "\n")
     return "\n".join(p.rstrip("\n") + "\n\n" for p in parts).rstrip("\n") + "\n"
 
 
 def enums(schema: Schema) -> str:
-    parts = [NOTICE % "The numbers that have names.", "from __future__ import annotations\n\nfrom enum import IntEnum\n"]
+    parts = [
+        NOTICE % "The numbers that have names.",
+        "from __future__ import annotations\n\nfrom enum import IntEnum\n",
+    ]
     for enum in schema.enums:
-        lines = [f"\nclass {class_name(enum.name)}(IntEnum):", f'    """{enum.doc[0].upper() + enum.doc[1:]}."""', ""]
+        lines = [
+            f"\nclass {class_name(enum.name)}(IntEnum):",
+            f'    """{enum.doc[0].upper() + enum.doc[1:]}."""',
+            "",
+        ]
         for i, member in enumerate(enum.members):
-            lines.append(f"    {member.upper()} = {enum.first + i}{'  # ' + enum.docs[i] if enum.docs else ''}")
+            lines.append(
+                f"    {member.upper()} = {enum.first + i}{'  # ' + enum.docs[i] if enum.docs else ''}"
+            )
         parts.append("\n".join(lines) + "\n")
     reasons = next(e for e in schema.enums if e.name == "refusal_reason")
-    explained = "\n".join(f'    RefusalReason.{m.upper()}: "{d}",' for m, d in zip(reasons.members, reasons.docs, strict=True))
+    explained = "\n".join(
+        f'    RefusalReason.{m.upper()}: "{d}",' for m, d in zip(reasons.members, reasons.docs, strict=True)
+    )
     parts.append("\nREFUSAL_MEANING: dict[int, str] = {\n" + explained + "\n}\n")
     return "\n".join(parts)
 
 
 def tables(schema: Schema) -> str:
-    lines = [NOTICE % "Limits, parameters, faults and the log's record types.", "from __future__ import annotations\n",
-             "from dataclasses import dataclass", "from typing import Final\n", "import numpy as np\n",
-             "from .enums import ParameterKind\n"]
-    lines += [f"{key.upper() if key != 'version' else 'PROTOCOL_VERSION'}: Final = {value}" for key, value in schema.limits.items()]
-    lines += [f"SCHEMA_HASH: Final = {schema.hash:#010x}", f"REFUSAL_ID: Final = {schema.refusal_id:#04x}", "REPLY_BIT: Final = 0x80", "",
-              "", "@dataclass(frozen=True, slots=True)", "class ParameterInfo:", '    """One parameter, as the schema declares it."""', "",
-              "    index: int", "    name: str", "    unit: str", "    kind: ParameterKind", "    minimum: float", "    maximum: float",
-              "    default: float", "    doc: str", "", "", "@dataclass(frozen=True, slots=True)", "class FaultInfo:",
-              '    """One fault, as the schema declares it."""', "", "    bit: int", "    name: str",
-              "    stops: bool  # latches and brakes both wheels", "    cause: str", "    next_step: str", "",
-              "    @property", "    def mask(self) -> int:", "        return 1 << self.bit", "", "",
-              "PARAMETERS: Final[tuple[ParameterInfo, ...]] = ("]
-    lines += [f'    ParameterInfo({i}, "{p.name}", "{p.unit}", ParameterKind.{p.kind.upper()}, {p.minimum!r}, {p.maximum!r}, '
-              f'{p.default!r}, "{p.doc}"),' for i, p in enumerate(schema.parameters)]
+    lines = [
+        NOTICE % "Limits, parameters, faults and the log's record types.",
+        "from __future__ import annotations\n",
+        "from dataclasses import dataclass",
+        "from typing import Final\n",
+        "import numpy as np\n",
+        "from .enums import ParameterKind\n",
+    ]
+    lines += [
+        f"{key.upper() if key != 'version' else 'PROTOCOL_VERSION'}: Final = {value}"
+        for key, value in schema.limits.items()
+    ]
+    lines += [
+        f"SCHEMA_HASH: Final = {schema.hash:#010x}",
+        f"REFUSAL_ID: Final = {schema.refusal_id:#04x}",
+        "REPLY_BIT: Final = 0x80",
+        "",
+        "",
+        "@dataclass(frozen=True, slots=True)",
+        "class ParameterInfo:",
+        '    """One parameter, as the schema declares it."""',
+        "",
+        "    index: int",
+        "    name: str",
+        "    unit: str",
+        "    kind: ParameterKind",
+        "    minimum: float",
+        "    maximum: float",
+        "    default: float",
+        "    doc: str",
+        "",
+        "",
+        "@dataclass(frozen=True, slots=True)",
+        "class FaultInfo:",
+        '    """One fault, as the schema declares it."""',
+        "",
+        "    bit: int",
+        "    name: str",
+        "    stops: bool  # latches and brakes both wheels",
+        "    cause: str",
+        "    next_step: str",
+        "",
+        "    @property",
+        "    def mask(self) -> int:",
+        "        return 1 << self.bit",
+        "",
+        "",
+        "PARAMETERS: Final[tuple[ParameterInfo, ...]] = (",
+    ]
+    lines += [
+        f'    ParameterInfo({i}, "{p.name}", "{p.unit}", ParameterKind.{p.kind.upper()}, {p.minimum!r}, {p.maximum!r}, '
+        f'{p.default!r}, "{p.doc}"),'
+        for i, p in enumerate(schema.parameters)
+    ]
     lines += [")", "", "FAULTS: Final[tuple[FaultInfo, ...]] = ("]
     for i, f in enumerate(schema.faults):
-        lines += ["    FaultInfo(", f"        {i},", f'        "{f.name}",', f"        {f.stops},",
-                  f'        "{f.cause}",', f'        "{f.next_step}",', "    ),"]
+        lines += [
+            "    FaultInfo(",
+            f"        {i},",
+            f'        "{f.name}",',
+            f"        {f.stops},",
+            f'        "{f.cause}",',
+            f'        "{f.next_step}",',
+            "    ),",
+        ]
     lines += [")", "", "LOG_HEADER_DTYPE: Final = np.dtype(", "    ["]
     lines += [f'        ("{f.name}", "{NUMPY_CODES[f.scalar]}"),' for f in schema.log_header.fields]
     lines += ["    ]", ")", "LOG_RECORD_DTYPE: Final = np.dtype(", "    ["]
-    lines += [f'        ("{f.name}", "{NUMPY_CODES[f.scalar]}"),' + (f"  # {f.doc}" if f.doc else "") for f in schema.log_record.fields]
+    lines += [
+        f'        ("{f.name}", "{NUMPY_CODES[f.scalar]}"),' + (f"  # {f.doc}" if f.doc else "")
+        for f in schema.log_record.fields
+    ]
     line_fields = [f.predict == "line" for f in schema.log_record.fields]
-    lines += ["    ]", ")", "# True: predicted by 2 * last - one before; False: by last.",
-              f"LOG_PREDICT_LINE: Final[tuple[bool, ...]] = {tuple(line_fields)!r}", ""]
+    lines += [
+        "    ]",
+        ")",
+        "# True: predicted by 2 * last - one before; False: by last.",
+        f"LOG_PREDICT_LINE: Final[tuple[bool, ...]] = {tuple(line_fields)!r}",
+        "",
+    ]
     return "\n".join(lines)
 
 
 def package_init() -> str:
     return NOTICE % "The wire contract's Python half: import messages, enums and tables from here." + (
-        "\nfrom .enums import *\nfrom .messages import *\nfrom .tables import *\n")
+        "\nfrom .enums import *\nfrom .messages import *\nfrom .tables import *\n"
+    )

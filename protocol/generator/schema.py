@@ -214,8 +214,15 @@ def load(path: Path) -> Schema:
         log_header=_record("log_header", raw["log_header"]["doc"], raw["log_header"]["fields"]),
         log_record=_record("log_record", raw["log_record"]["doc"], raw["log_record"]["fields"]),
         parameters=tuple(
-            Parameter(p["name"], p["unit"], p["kind"], float(p["range"][0]), float(p["range"][1]),
-                      float(p["default"]), p["doc"])
+            Parameter(
+                p["name"],
+                p["unit"],
+                p["kind"],
+                float(p["range"][0]),
+                float(p["range"][1]),
+                float(p["default"]),
+                p["doc"],
+            )
             for p in raw["parameter"]
         ),
         faults=tuple(Fault(f["name"], f["stops"], f["cause"], f["next_step"]) for f in raw["fault"]),

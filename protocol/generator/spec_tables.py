@@ -25,10 +25,27 @@ def _messages(schema: Schema) -> list[str]:
     lines = ["### Requests", ""]
     for m in schema.messages:
         once = " Executed once, however often the same frame arrives." if m.changes else ""
-        lines += [f"#### `{m.id:#04x}` {m.name}", "", f"{m.doc[0].upper() + m.doc[1:]}.{once}", "", "Request:", "", *_record(m.request),
-                  f"Reply `{m.id | 0x80:#04x}`:", "", *(_record(m.reply) if m.reply else ["empty", ""])]
-    lines += [f"#### `{schema.refusal_id:#04x}` refusal", "", f"{schema.refusal.doc[0].upper() + schema.refusal.doc[1:]}.", "",
-              *_record(schema.refusal), "### Structs inside messages", ""]
+        lines += [
+            f"#### `{m.id:#04x}` {m.name}",
+            "",
+            f"{m.doc[0].upper() + m.doc[1:]}.{once}",
+            "",
+            "Request:",
+            "",
+            *_record(m.request),
+            f"Reply `{m.id | 0x80:#04x}`:",
+            "",
+            *(_record(m.reply) if m.reply else ["empty", ""]),
+        ]
+    lines += [
+        f"#### `{schema.refusal_id:#04x}` refusal",
+        "",
+        f"{schema.refusal.doc[0].upper() + schema.refusal.doc[1:]}.",
+        "",
+        *_record(schema.refusal),
+        "### Structs inside messages",
+        "",
+    ]
     for struct in schema.structs:
         lines += [f"#### {struct.name}: {struct.doc} ({struct.size} bytes)", "", *_record(struct)]
     return lines
@@ -39,20 +56,50 @@ def _enums(schema: Schema) -> list[str]:
     for enum in schema.enums:
         lines += [f"#### {enum.name}: {enum.doc}", "", "| value | name | meaning |", "| --- | --- | --- |"]
         docs = enum.docs or ("",) * len(enum.members)
-        lines += [f"| {enum.first + i} | `{name}` | {doc} |" for i, (name, doc) in enumerate(zip(enum.members, docs, strict=True))]
+        lines += [
+            f"| {enum.first + i} | `{name}` | {doc} |"
+            for i, (name, doc) in enumerate(zip(enum.members, docs, strict=True))
+        ]
         lines.append("")
     return lines
 
 
 def _tables(schema: Schema) -> list[str]:
-    lines = ["### Log block header", "", *_record(schema.log_header), "### Log record", "",
-             "| mask bit | field | type | prediction | meaning |", "| --- | --- | --- | --- | --- |"]
-    lines += [f"| {i} | `{f.name}` | {f.scalar} | {f.predict} | {f.doc} |" for i, f in enumerate(schema.log_record.fields)]
-    lines += ["", "### Faults", "", "| bit | name | stops | cause | next step |", "| --- | --- | --- | --- | --- |"]
-    lines += [f"| {i} | `{f.name}` | {'yes' if f.stops else 'no'} | {f.cause} | {f.next_step} |" for i, f in enumerate(schema.faults)]
-    lines += ["", "### Parameters", "", "| index | name | unit | kind | range | default | meaning |", "| --- | --- | --- | --- | --- | --- | --- |"]
-    lines += [f"| {i} | `{p.name}` | {p.unit} | {p.kind} | {p.minimum:g} to {p.maximum:g} | {p.default:g} | {p.doc} |"
-              for i, p in enumerate(schema.parameters)]
+    lines = [
+        "### Log block header",
+        "",
+        *_record(schema.log_header),
+        "### Log record",
+        "",
+        "| mask bit | field | type | prediction | meaning |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    lines += [
+        f"| {i} | `{f.name}` | {f.scalar} | {f.predict} | {f.doc} |"
+        for i, f in enumerate(schema.log_record.fields)
+    ]
+    lines += [
+        "",
+        "### Faults",
+        "",
+        "| bit | name | stops | cause | next step |",
+        "| --- | --- | --- | --- | --- |",
+    ]
+    lines += [
+        f"| {i} | `{f.name}` | {'yes' if f.stops else 'no'} | {f.cause} | {f.next_step} |"
+        for i, f in enumerate(schema.faults)
+    ]
+    lines += [
+        "",
+        "### Parameters",
+        "",
+        "| index | name | unit | kind | range | default | meaning |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
+    lines += [
+        f"| {i} | `{p.name}` | {p.unit} | {p.kind} | {p.minimum:g} to {p.maximum:g} | {p.default:g} | {p.doc} |"
+        for i, p in enumerate(schema.parameters)
+    ]
     return [*lines, ""]
 
 

@@ -44,15 +44,23 @@ def _sample(schema: Schema, field: Field, salt: int) -> Any:
         return [(salt * 37 + i * 11) % 256 for i in range(300)]
     if field.is_tail:
         struct_fields = schema.struct(field.scalar).fields
-        return [{f.name: _sample(schema, f, salt + 10 * n + i) for i, f in enumerate(struct_fields)} for n in range(3)]
+        return [
+            {f.name: _sample(schema, f, salt + 10 * n + i) for i, f in enumerate(struct_fields)}
+            for n in range(3)
+        ]
     if field.is_text:
         return ("abcdefghijklmnopqrstuvwxyz" * 2)[: min(field.count, 3 + salt % 9)]
     if field.count > 1:
         one = Field(field.name, field.scalar, 1, "")
         return [_sample(schema, one, salt + i) for i in range(field.count)]
-    return {"u8": (salt * 53) % 256, "u16": (salt * 7919) % 65536, "u32": (salt * 2654435761) % 2**32,
-            "i16": (salt * 7919) % 65536 - 32768, "i32": (salt * 2654435761) % 2**32 - 2**31,
-            "f32": -1.0 + 0.25 * salt}[field.scalar]
+    return {
+        "u8": (salt * 53) % 256,
+        "u16": (salt * 7919) % 65536,
+        "u32": (salt * 2654435761) % 2**32,
+        "i16": (salt * 7919) % 65536 - 32768,
+        "i32": (salt * 2654435761) % 2**32 - 2**31,
+        "f32": -1.0 + 0.25 * salt,
+    }[field.scalar]
 
 
 def _pack(schema: Schema, record: Record, values: dict[str, Any]) -> bytes:
@@ -66,7 +74,9 @@ def _pack(schema: Schema, record: Record, values: dict[str, Any]) -> bytes:
         elif field.is_text:
             out += value.encode().ljust(field.count, b"\0")
         else:
-            out += b"".join(struct.pack(CODES[field.scalar], v) for v in (value if field.count > 1 else [value]))
+            out += b"".join(
+                struct.pack(CODES[field.scalar], v) for v in (value if field.count > 1 else [value])
+            )
     return out
 
 
@@ -98,14 +108,28 @@ def code_records(schema: Schema, records: list[list[int]]) -> bytes:
 
 def _log_samples() -> list[list[int]]:
     """A start, a steady run, a reversal, extremes of every type and the wrap of the counters."""
-    rows = [[0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1200]]
-    for k in range(1, 6):
-        rows.append([50 * k, 1, 1, 0, 3500, 3500, 3500, 3500, 150 * k + k % 2, 151 * k, 498, 501, 25 * k, 0, 7 * k, 1187])
-    rows.append([300, 1, 2, 64, -10000, 10000, -10000, 10000, 700, 905, -120, 480, 124, -1, -30, 1100])
-    rows.append([350, 2, 65535, 2**32 - 1, -32768, 32767, -32768, 32767, 2**31 - 1, -(2**31), 32767, -32768,
-                 2**31 - 1, -(2**31), 2**31 - 1, 65535])
-    rows.append([2**32 - 1, 0, 0, 0, 0, 0, 0, 0, -(2**31), 2**31 - 1, 0, 0, -(2**31), 2**31 - 1, -(2**31), 0])
-    return rows
+    steady = [
+        [50 * k, 1, 1, 0, *[3500] * 4, 150 * k + k % 2, 151 * k, 498, 501, 25 * k, 0, 7 * k, 1187]
+        for k in range(1, 6)
+    ]
+    highest = [
+        350,
+        2,
+        2**16 - 1,
+        2**32 - 1,
+        *[-(2**15), 2**15 - 1] * 2,
+        2**31 - 1,
+        -(2**31),
+        2**15 - 1,
+        -(2**15),
+    ]
+    return [
+        [0] * 15 + [1200],
+        *steady,
+        [300, 1, 2, 64, -10000, 10000, -10000, 10000, 700, 905, -120, 480, 124, -1, -30, 1100],
+        [*highest, 2**31 - 1, -(2**31), 2**31 - 1, 2**16 - 1],
+        [2**32 - 1, *[0] * 7, -(2**31), 2**31 - 1, 0, 0, -(2**31), 2**31 - 1, -(2**31), 0],
+    ]
 
 
 def vectors(schema: Schema) -> dict[str, Any]:
@@ -119,16 +143,39 @@ def vectors(schema: Schema) -> dict[str, Any]:
         values = {f.name: _sample(schema, f, salt + i) for i, f in enumerate(record.fields)}
         payload = _pack(schema, record, values)
         sequence = salt * 1021 % 65536
-        messages.append({"name": record.name, "id": message_id, "sequence": sequence, "values": values,
-                         "payload": payload.hex(), "frame": frame(message_id, sequence, payload).hex()})
-    stuffing = [b"", b"\0", b"\0\0", b"\x01", b"\x01\0\x02", bytes(range(1, 255)), bytes(range(1, 256)),
-                bytes(254), bytes(range(256)) * 2, b"\x01" * 254 + b"\0", b"\x01" * 508]
+        messages.append(
+            {
+                "name": record.name,
+                "id": message_id,
+                "sequence": sequence,
+                "values": values,
+                "payload": payload.hex(),
+                "frame": frame(message_id, sequence, payload).hex(),
+            }
+        )
+    stuffing = [
+        b"",
+        b"\0",
+        b"\0\0",
+        b"\x01",
+        b"\x01\0\x02",
+        bytes(range(1, 255)),
+        bytes(range(1, 256)),
+        bytes(254),
+        bytes(range(256)) * 2,
+        b"\x01" * 254 + b"\0",
+        b"\x01" * 508,
+    ]
     rows = _log_samples()
     return {
         "cobs": [{"plain": raw.hex(), "stuffed": cobs(raw).hex()} for raw in stuffing],
         "crc32": [{"data": b"123456789".hex(), "crc32": 0xCBF43926}, {"data": "", "crc32": 0}],
         "messages": messages,
-        "log": {"fields": [f.name for f in schema.log_record.fields], "records": rows, "coded": code_records(schema, rows).hex()},
+        "log": {
+            "fields": [f.name for f in schema.log_record.fields],
+            "records": rows,
+            "coded": code_records(schema, rows).hex(),
+        },
     }
 
 
@@ -143,24 +190,69 @@ def _bytes_c(name: str, data: bytes) -> str:
 
 def as_c_header(data: dict[str, Any]) -> str:
     """The same vectors for tests written in C."""
-    lines = ["/* vectors.h: the vectors of vectors.json for tests in C.", " * Generated by protocol/generate.py; edit schema.toml, not this. */",
-             "#ifndef TRUING_VECTORS_H", "#define TRUING_VECTORS_H", "", "#include <stddef.h>", "#include <stdint.h>", ""]
+    lines = [
+        "/* vectors.h: the vectors of vectors.json for tests in C.",
+        " * Generated by protocol/generate.py; edit schema.toml, not this. */",
+        "#ifndef TRUING_VECTORS_H",
+        "#define TRUING_VECTORS_H",
+        "",
+        "#include <stddef.h>",
+        "#include <stdint.h>",
+        "",
+    ]
     rows = []
     for i, m in enumerate(data["messages"]):
         payload, whole = bytes.fromhex(m["payload"]), bytes.fromhex(m["frame"])
         lines += [_bytes_c(f"vector_payload_{i}", payload), _bytes_c(f"vector_frame_{i}", whole)]
-        rows.append(f'    {{"{m["name"]}", {m["id"]:#04x}, {m["sequence"]}, vector_payload_{i}, {len(payload)}, vector_frame_{i}, {len(whole)}}},')
-    lines += ["", "struct message_vector {", "    const char *name;", "    uint8_t id;", "    uint16_t sequence;", "    const uint8_t *payload;",
-              "    size_t payload_length;", "    const uint8_t *frame; /* stuffed, with its closing zero */", "    size_t frame_length;", "};", "",
-              "static const struct message_vector message_vectors[] = {", *rows, "};", ""]
+        rows.append(
+            f'    {{"{m["name"]}", {m["id"]:#04x}, {m["sequence"]}, vector_payload_{i}, {len(payload)}, vector_frame_{i}, {len(whole)}}},'
+        )
+    lines += [
+        "",
+        "struct message_vector {",
+        "    const char *name;",
+        "    uint8_t id;",
+        "    uint16_t sequence;",
+        "    const uint8_t *payload;",
+        "    size_t payload_length;",
+        "    const uint8_t *frame; /* stuffed, with its closing zero */",
+        "    size_t frame_length;",
+        "};",
+        "",
+        "static const struct message_vector message_vectors[] = {",
+        *rows,
+        "};",
+        "",
+    ]
     rows = []
     for i, c in enumerate(data["cobs"]):
         plain, stuffed = bytes.fromhex(c["plain"]), bytes.fromhex(c["stuffed"])
         lines += [_bytes_c(f"vector_plain_{i}", plain), _bytes_c(f"vector_stuffed_{i}", stuffed)]
         rows.append(f"    {{vector_plain_{i}, {len(plain)}, vector_stuffed_{i}, {len(stuffed)}}},")
-    lines += ["", "struct cobs_vector {", "    const uint8_t *plain;", "    size_t plain_length;", "    const uint8_t *stuffed;",
-              "    size_t stuffed_length;", "};", "", "static const struct cobs_vector cobs_vectors[] = {", *rows, "};", ""]
-    records = ",\n".join("    {" + ", ".join(f"{v % 2**32}u" for v in row) + "}" for row in data["log"]["records"])
-    lines += [f"static const uint32_t log_vector_records[{len(data['log']['records'])}][16] = {{", records, "};",
-              _bytes_c("log_vector_coded", bytes.fromhex(data["log"]["coded"])), "", "#endif", ""]
+    lines += [
+        "",
+        "struct cobs_vector {",
+        "    const uint8_t *plain;",
+        "    size_t plain_length;",
+        "    const uint8_t *stuffed;",
+        "    size_t stuffed_length;",
+        "};",
+        "",
+        "static const struct cobs_vector cobs_vectors[] = {",
+        *rows,
+        "};",
+        "",
+    ]
+    records = ",\n".join(
+        "    {" + ", ".join(f"{v % 2**32}u" for v in row) + "}" for row in data["log"]["records"]
+    )
+    lines += [
+        f"static const uint32_t log_vector_records[{len(data['log']['records'])}][16] = {{",
+        records,
+        "};",
+        _bytes_c("log_vector_coded", bytes.fromhex(data["log"]["coded"])),
+        "",
+        "#endif",
+        "",
+    ]
     return "\n".join(lines)

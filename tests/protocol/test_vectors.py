@@ -7,10 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import truing_protocol
 from cobs import cobs
 
-VECTORS = json.loads((Path(__file__).resolve().parents[2] / "protocol" / "vectors" / "vectors.json").read_text())
+import truing_protocol
+
+VECTORS = json.loads(
+    (Path(__file__).resolve().parents[2] / "protocol" / "vectors" / "vectors.json").read_text()
+)
 
 
 def _class_of(name: str) -> Any:
@@ -19,7 +22,7 @@ def _class_of(name: str) -> Any:
 
 
 def _build(cls: Any, values: dict[str, Any]) -> Any:
-    """A message from the vectors' plain values; lists become tuples, bytes or structs as the class declares."""
+    """A message from the vectors' plain values; lists become what the class declares."""
     arguments = {}
     for field in fields(cls):
         value = values[field.name]
