@@ -1,0 +1,119 @@
+"""The `truing` command: one module of this package for each subcommand.
+
+A subcommand `name` lives in `truing/cli/name.py` as the click command `command`; modules are
+imported only when their command runs, so that `truing --help` answers at once.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Sequence
+
+import click
+
+from truing import __version__
+from truing.errors import TruingError
+
+# Name, and the line that `truing --help` shows, in the order a newcomer meets them.
+COMMANDS: dict[str, str] = {
+    "demo": "The whole chain once: board, run, log, numbers, pictures.",
+    "board": "Start a virtual board for other programs to connect to.",
+    "ports": "List where a board may be.",
+    "info": "Say who the board is and how it is.",
+    "run": "Drive a plan, fetch its log, write it as a run.",
+    "step": "Drive one quick step and identify it.",
+    "plan": "List, show and check run plans.",
+    "stop": "Brake both wheels now.",
+    "faults": "Show the board's faults, or clear them.",
+    "params": "List, get and set the board's parameters.",
+    "log": "List, fetch and erase the board's logs.",
+    "identify": "Gains and time constants of recordings.",
+    "plot": "Draw recordings.",
+    "paper": "Drive the paper's tests I to XVII, print Tables III and IV beside it.",
+}
+
+EXIT_INTERRUPTED = 130
+
+
+class _LazyGroup(click.Group):
+    """A group that imports a subcommand's module when that command is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002 (click's signature)
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:  # noqa: ARG002
+        if name not in COMMANDS:
+            return None
+        loaded = importlib.import_module(f"truing.cli.{name}").command
+        assert isinstance(loaded, click.Command)
+        return loaded
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        name = args[0]
+        if name not in COMMANDS and not name.startswith("-"):
+            import difflib
+
+            close = difflib.get_close_matches(name, COMMANDS, n=1)
+            hint = f" Did you mean '{close[0]}'?" if close else ""
+            ctx.fail(f"No such command '{name}'.{hint}")
+        return super().resolve_command(ctx, args)
+
+
+@click.command(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.option(
+    "--port",
+    metavar="PORT",
+    envvar="TRUING_PORT",
+    default="sim",
+    show_default=True,
+    help="Where the board is: sim (a virtual board inside this command), auto (the one serial port found), "
+    "/dev/ttyUSB0, or tcp:HOST:PORT. Environment: TRUING_PORT.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print results as JSON on standard output, and nothing else there.")
+@click.option("-v", "--verbose", count=True, help="Log what happens to standard error; -vv logs every request.")
+@click.version_option(__version__, prog_name="truing")
+@click.pass_context
+def group(ctx: click.Context, port: str, as_json: bool, verbose: int) -> None:
+    """Run a two-wheel robot, fetch its recordings, and find what its simulation leaves out.
+
+    \b
+    Example:
+      truing demo                          the whole chain on a virtual board
+      truing run paper/XI                  the paper's test XI on a virtual board
+      truing --port /dev/ttyUSB0 info      who is on that port
+    """
+    from truing.cli.app import App
+
+    ctx.obj = App(port=port, as_json=as_json, verbose=verbose)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line and exit: 0 done, 1 board or link failed, 2 bad input, 130 interrupted."""
+    try:
+        code = group.main(args=arguments, prog_name="truing", standalone_mode=False)
+        sys.exit(code if isinstance(code, int) else 0)
+    except click.exceptions.Abort:
+        click.echo("interrupted", err=True)
+        sys.exit(EXIT_INTERRUPTED)
+    except KeyboardInterrupt:
+        click.echo("interrupted", err=True)
+        sys.exit(EXIT_INTERRUPTED)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except TruingError as error:
+        click.echo(f"truing: {error.message}", err=True)
+        if error.next_step:
+            click.echo(f"  next: {error.next_step}", err=True)
+        sys.exit(error.exit_code)
+    except BrokenPipeError:
+        # The reader of our output (head, less) has gone: not an error.
+        sys.stderr.close()
+        sys.exit(0)

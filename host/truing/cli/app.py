@@ -1,0 +1,108 @@
+"""What every subcommand shares: the group's options, and one way to print, count progress and log."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+LOGGER = logging.getLogger("truing")
+
+# Called with a share from 0 to 1.
+Progress = Callable[[float], None]
+
+
+@dataclass
+class App:
+    """The options given before the subcommand, and where output goes.
+
+    Results go to standard output (as text, or as one JSON value with --json); progress bars and
+    notes go to standard error.
+    """
+
+    port: str = "sim"
+    as_json: bool = False
+    verbose: int = 0
+    _consoles: dict[str, Console] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        level = {0: logging.WARNING, 1: logging.INFO}.get(self.verbose, logging.DEBUG)
+        handler = logging.StreamHandler()
+        handler.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
+        LOGGER.handlers[:] = [handler]
+        LOGGER.setLevel(level)
+        LOGGER.propagate = False
+
+    @property
+    def out(self) -> Console:
+        """Standard output."""
+        return self._console("out")
+
+    @property
+    def err(self) -> Console:
+        """Standard error."""
+        return self._console("err")
+
+    def say(self, text: str = "") -> None:
+        """Print one line of the result; silent with --json."""
+        if not self.as_json:
+            click.echo(text)
+
+    def note(self, text: str) -> None:
+        """Print one line about what happens to standard error."""
+        click.echo(text, err=True)
+
+    def show(self, table: Table) -> None:
+        """Print a table of the result; silent with --json."""
+        if not self.as_json:
+            self.out.print(table)
+
+    def emit(self, value: Any) -> None:
+        """Print the result as JSON when --json was given."""
+        if self.as_json:
+            click.echo(json.dumps(value, indent=2, sort_keys=False, default=_plain, allow_nan=False))
+
+    @contextmanager
+    def progress(self, label: str) -> Iterator[Progress]:
+        """Show a bar on standard error; yields a function that takes the share done, 0 to 1."""
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+        columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+        with Progress(*columns, console=self.err, transient=not self.err.is_terminal) as bar:
+            task = bar.add_task(label, total=1.0)
+
+            def update(share: float) -> None:
+                bar.update(task, completed=min(max(share, 0.0), 1.0))
+
+            yield update
+
+    def _console(self, which: str) -> Console:
+        if which not in self._consoles:
+            from rich.console import Console
+
+            stderr = which == "err"
+            stream = sys.stderr if stderr else sys.stdout
+            # A table that a file or a pipe receives is not squeezed into the 80 columns of no terminal.
+            width = None if stream.isatty() else 120
+            self._consoles[which] = Console(stderr=stderr, width=width, highlight=False)
+        return self._consoles[which]
+
+
+def _plain(value: Any) -> Any:
+    """Turn what json does not know (numpy scalars and arrays, paths) into what it does."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    return str(value)
+
+
+pass_app = click.make_pass_decorator(App, ensure=True)
