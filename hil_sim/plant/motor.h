@@ -1,0 +1,34 @@
+/* A brushed motor on its H-bridge: current in, current out, charge taken from the supply. */
+#ifndef PLANT_MOTOR_H
+#define PLANT_MOTOR_H
+
+#include "plant.h"
+
+/* A stretch of the PWM period with one bridge state. */
+struct motor_segment {
+    double duration_s;
+    double decay;  /* what is left of a current's distance from its final value at the end */
+    double spread; /* the integral of that distance over the stretch, per ampere at its start, s */
+};
+
+struct motor {
+    double resistance_ohm;
+    double time_constant_s; /* winding, L/R */
+    double diodes_v;        /* both free-wheeling diodes in series */
+    double current_a;
+    struct motor_segment brake, drive, coast;
+    double drive_sign; /* of the supply across the motor while it drives */
+};
+
+/* What one step did. */
+struct motor_flow {
+    double motor_charge_as;  /* integral of the motor's current */
+    double supply_charge_as; /* integral of the current from the supply */
+};
+
+void motor_init(struct motor *motor, const struct plant_motor_params *params,
+                const struct plant_bridge_params *bridge);
+void motor_set_bridge(struct motor *motor, double in1_duty, double in2_duty);
+struct motor_flow motor_step(struct motor *motor, double emf_v, double supply_v);
+
+#endif

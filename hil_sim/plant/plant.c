@@ -1,0 +1,171 @@
+/* One step of the whole robot: battery, bridges and motors, friction and ground, pose. */
+#include "plant.h"
+
+#include <stdbool.h>
+#include <stdlib.h>
+
+#include "battery.h"
+#include "chassis.h"
+#include "friction.h"
+#include "motor.h"
+#include "sensor.h"
+
+static const double step_s = PLANT_STEP_US * 1e-6;
+
+struct plant {
+    struct plant_params params;
+    uint64_t seed;
+    uint64_t steps;
+    struct battery battery;
+    struct motor motor[PLANT_WHEELS];
+    struct chassis chassis;
+    struct friction_mass mass;          /* the chassis', with one step's viscous friction */
+    double emf_per_speed[PLANT_WHEELS]; /* back-EMF per rim speed, V s/m; equals force per current */
+    double angle_rad[PLANT_WHEELS];
+    struct friction_speeds rims;
+};
+
+static double viscous_kg(const struct plant_wheel_params *wheel)
+{
+    return step_s * wheel->friction.viscous_nms_per_rad / (wheel->radius_m * wheel->radius_m);
+}
+
+struct plant *plant_create(const struct plant_params *params, uint64_t seed)
+{
+    if (plant_params_problem(params) != NULL) {
+        return NULL;
+    }
+    struct plant *plant = calloc(1, sizeof *plant);
+    if (plant == NULL) {
+        return NULL;
+    }
+    plant->params = *params;
+    plant->seed = seed;
+    battery_init(&plant->battery, &params->battery);
+    chassis_init(&plant->chassis, params);
+    plant->mass = plant->chassis.mass;
+    plant->mass.left += viscous_kg(&params->wheel[0]);
+    plant->mass.right += viscous_kg(&params->wheel[1]);
+    for (int i = 0; i < PLANT_WHEELS; i++) {
+        const struct plant_wheel_params *wheel = &params->wheel[i];
+        motor_init(&plant->motor[i], &wheel->motor, &params->bridge);
+        plant->emf_per_speed[i] =
+            wheel->motor.emf_v_per_radps * wheel->motor.gear_ratio / wheel->radius_m;
+    }
+    return plant;
+}
+
+void plant_destroy(struct plant *plant)
+{
+    free(plant);
+}
+
+static bool is_wheel(int wheel)
+{
+    return wheel >= 0 && wheel < PLANT_WHEELS;
+}
+
+void plant_set_bridge(struct plant *plant, int wheel, double in1_duty, double in2_duty)
+{
+    if (is_wheel(wheel)) {
+        motor_set_bridge(&plant->motor[wheel], in1_duty, in2_duty);
+    }
+}
+
+static double dry_impulse(const struct plant_wheel_params *wheel, double rim_speed)
+{
+    const double torque = friction_limit_nm(&wheel->friction, rim_speed / wheel->radius_m);
+    return step_s * torque / wheel->radius_m;
+}
+
+static void step(struct plant *plant)
+{
+    const struct plant_wheel_params *wheel = plant->params.wheel;
+    const struct friction_speeds before = plant->rims;
+    const double supply_v = battery_terminal_v(&plant->battery);
+
+    const struct motor_flow left =
+        motor_step(&plant->motor[0], plant->emf_per_speed[0] * before.left, supply_v);
+    const struct motor_flow right =
+        motor_step(&plant->motor[1], plant->emf_per_speed[1] * before.right, supply_v);
+    battery_step(&plant->battery, left.supply_charge_as + right.supply_charge_as);
+
+    const struct friction_mass *mass = &plant->chassis.mass;
+    const double momentum_left = mass->left * before.left + mass->cross * before.right +
+                                 plant->emf_per_speed[0] * left.motor_charge_as;
+    const double momentum_right = mass->cross * before.left + mass->right * before.right +
+                                  plant->emf_per_speed[1] * right.motor_charge_as;
+    const struct friction_limits limits = {
+        .left = dry_impulse(&wheel[0], before.left),
+        .right = dry_impulse(&wheel[1], before.right),
+        .twist = step_s * chassis_scrub_n(&plant->chassis, &before),
+    };
+    plant->rims = friction_solve(&plant->mass, momentum_left, momentum_right, &limits);
+
+    const double left_m = 0.5 * step_s * (before.left + plant->rims.left);
+    const double right_m = 0.5 * step_s * (before.right + plant->rims.right);
+    plant->angle_rad[0] += left_m / wheel[0].radius_m;
+    plant->angle_rad[1] += right_m / wheel[1].radius_m;
+    chassis_roll(&plant->chassis, left_m, right_m);
+    plant->steps++;
+}
+
+void plant_advance(struct plant *plant, uint64_t steps)
+{
+    for (uint64_t i = 0; i < steps; i++) {
+        step(plant);
+    }
+}
+
+int64_t plant_encoder_position(const struct plant *plant, int wheel)
+{
+    if (!is_wheel(wheel)) {
+        return 0;
+    }
+    return sensor_count(&plant->params.wheel[wheel].encoder, plant->seed, wheel,
+                        plant->angle_rad[wheel]);
+}
+
+double plant_battery_v(const struct plant *plant)
+{
+    const double noise =
+        sensor_noise(plant->seed, plant->steps, plant->params.battery.sense_noise_v);
+    const double volts = battery_terminal_v(&plant->battery) + noise;
+    return volts > 0.0 ? volts : 0.0;
+}
+
+static double kinetic_energy_j(const struct plant *plant)
+{
+    const struct friction_mass *mass = &plant->chassis.mass;
+    const struct friction_speeds *rims = &plant->rims;
+    return 0.5 * mass->left * rims->left * rims->left +
+           0.5 * mass->right * rims->right * rims->right + mass->cross * rims->left * rims->right;
+}
+
+void plant_state(const struct plant *plant, struct plant_state *out)
+{
+    const struct friction_speeds *rims = &plant->rims;
+    *out = (struct plant_state){
+        .steps = plant->steps,
+        .time_s = (double)plant->steps * PLANT_STEP_US / 1e6,
+        .wheel_speed_radps = {rims->left / plant->params.wheel[0].radius_m,
+                              rims->right / plant->params.wheel[1].radius_m},
+        .x_m = plant->chassis.x_m,
+        .y_m = plant->chassis.y_m,
+        .theta_rad = plant->chassis.theta_rad,
+        .speed_mps = 0.5 * (rims->left + rims->right),
+        .yaw_rate_radps = (rims->right - rims->left) / plant->params.chassis.wheelbase_m,
+        .battery_open_v = battery_open_v(&plant->battery),
+        .battery_v = battery_terminal_v(&plant->battery),
+        .battery_current_a = plant->battery.current_a,
+        .battery_charge = battery_charge(&plant->battery),
+        .kinetic_energy_j = kinetic_energy_j(plant),
+    };
+    for (int i = 0; i < PLANT_WHEELS; i++) {
+        const double current_a = plant->motor[i].current_a;
+        out->wheel_angle_rad[i] = plant->angle_rad[i];
+        out->motor_current_a[i] = current_a;
+        out->magnetic_energy_j +=
+            0.5 * plant->params.wheel[i].motor.inductance_h * current_a * current_a;
+    }
+}

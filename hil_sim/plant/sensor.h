@@ -1,0 +1,14 @@
+/* What the robot's sensors make of the truth: counted edges and a noisy voltage. */
+#ifndef PLANT_SENSOR_H
+#define PLANT_SENSOR_H
+
+#include "plant.h"
+
+/* Quadrature count at a wheel angle, on a disc whose edges are misplaced as the seed says. */
+int64_t sensor_count(const struct plant_encoder_params *params, uint64_t seed, int wheel,
+                     double angle_rad);
+
+/* An error between -largest and largest that depends on seed and step alone. */
+double sensor_noise(uint64_t seed, uint64_t step, double largest);
+
+#endif
