@@ -25,7 +25,7 @@ struct hal_identity {
 /* Who this board is and how it came up; constant after start-up. */
 void hal_identity(struct hal_identity *out);
 
-/* The sensors now; never blocks. */
+/* The sensors as of this tick; never blocks. For controller_tick: elsewhere a tick may come in between. */
 void hal_sense(struct hal_sample *out);
 
 /* Applied effort, 1e-4 of supply, -10000..10000; drive/brake (slow decay), 0 = brake. */
@@ -43,7 +43,7 @@ size_t hal_link_write(const uint8_t *data, size_t length);
 /* Restarts the watchdog's count. */
 void hal_watchdog_feed(void);
 
-/* Holds off every interrupt; returns what hal_critical_exit needs to restore the state before. Nests. */
+/* Holds off the control tick; returns what hal_critical_exit needs to restore the state before. Nests. */
 uint32_t hal_critical_enter(void);
 void hal_critical_exit(uint32_t state);
 
