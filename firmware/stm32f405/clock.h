@@ -1,0 +1,24 @@
+/* The clock tree that start-up settles on. */
+#ifndef CLOCK_H
+#define CLOCK_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum clock_source {
+    CLOCK_CRYSTAL_PLL,  /* 8 MHz crystal, 168 MHz */
+    CLOCK_INTERNAL_PLL, /* the crystal did not start: RC oscillator through the PLL, 166 MHz */
+    CLOCK_INTERNAL,     /* nor did the PLL: RC oscillator, 16 MHz */
+};
+
+struct clock {
+    enum clock_source source;
+    uint32_t core_hz;       /* HCLK, and SysTick */
+    uint32_t apb1_hz;       /* USART3 */
+    uint32_t timer_apb2_hz; /* TIM1 */
+};
+
+/* Brings the clocks up; takes 60 ms at most, and always comes back with one that runs. */
+void clock_start(struct clock *out);
+
+#endif

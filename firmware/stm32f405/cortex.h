@@ -1,0 +1,62 @@
+/* The few Cortex-M4 instructions that C has no name for (PM0214 section 3.11), and interrupt priorities. */
+#ifndef CORTEX_H
+#define CORTEX_H
+
+#include <stdint.h>
+
+/* The chip keeps the upper four bits of a priority byte; a smaller number preempts a larger one.
+ *
+ * The serial port stands above the control tick. It has no FIFO: at 921600 baud a byte must be fetched within
+ * 10.8 us of its end or the next one overruns it, and a tick takes longer than that. The tick can wait: its
+ * interrupts cost it well under a microsecond each, and its inputs are latched by hardware counters.
+ * Both share no data but the transmit ring (link.c). Faults preempt both. */
+#define PRIORITY_USART3 0x40u
+#define PRIORITY_TICK   0x80u
+
+static inline void cpu_interrupts_off(void)
+{
+    __asm volatile("cpsid i" ::: "memory");
+}
+
+static inline void cpu_interrupts_on(void)
+{
+    __asm volatile("cpsie i" ::: "memory");
+}
+
+/* Sleeps until an interrupt is pending, also while interrupts are off (PM0214 section 2.5.2). */
+static inline void cpu_wait_for_interrupt(void)
+{
+    __asm volatile("dsb\n\twfi" ::: "memory");
+}
+
+static inline void cpu_barrier(void)
+{
+    __asm volatile("dsb\n\tisb" ::: "memory");
+}
+
+/* Keeps the compiler from moving memory accesses across; the single core needs no more than that. */
+static inline void compiler_barrier(void)
+{
+    __asm volatile("" ::: "memory");
+}
+
+static inline uint32_t cpu_basepri(void)
+{
+    uint32_t value;
+    __asm volatile("mrs %0, basepri" : "=r"(value));
+    return value;
+}
+
+static inline void cpu_set_basepri(uint32_t value)
+{
+    __asm volatile("msr basepri, %0\n\tisb" ::"r"(value) : "memory");
+}
+
+static inline uint32_t cpu_active_exception(void)
+{
+    uint32_t value;
+    __asm volatile("mrs %0, ipsr" : "=r"(value));
+    return value & 0x1FFu;
+}
+
+#endif

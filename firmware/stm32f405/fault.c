@@ -1,0 +1,65 @@
+/* Keeps the registers of a fault where a reset does not reach them, after the bridges have been braked. */
+#include "fault.h"
+
+#include "cortex.h"
+#include "motors.h"
+#include "registers.h"
+
+/* Eight words that exception entry stacks, PM0214 section 2.3.7. */
+struct exception_frame {
+    uint32_t r0, r1, r2, r3, r12, lr, pc, xpsr;
+};
+
+__attribute__((section(".noinit"), used)) struct fault_record last_fault;
+
+_Noreturn void record_fault(const struct exception_frame *frame);
+
+void faults_enable(void)
+{
+    SCB_SHCSR |= SHCSR_MEMFAULTENA | SHCSR_BUSFAULTENA | SHCSR_USGFAULTENA;
+}
+
+/* Called from fault_entry.S with the stacked registers, or NULL when the stack itself is lost. */
+_Noreturn void record_fault(const struct exception_frame *frame)
+{
+    motors_stop();
+    if (last_fault.magic != FAULT_MAGIC) {
+        last_fault.count = 0;
+    }
+    last_fault.magic = 0;
+    last_fault.count++;
+    last_fault.exception = cpu_active_exception();
+    last_fault.has_frame = frame != 0;
+    if (frame != 0) {
+        last_fault.r0 = frame->r0;
+        last_fault.r1 = frame->r1;
+        last_fault.r2 = frame->r2;
+        last_fault.r3 = frame->r3;
+        last_fault.r12 = frame->r12;
+        last_fault.lr = frame->lr;
+        last_fault.pc = frame->pc;
+        last_fault.xpsr = frame->xpsr;
+    }
+    last_fault.cfsr = SCB_CFSR;
+    last_fault.hfsr = SCB_HFSR;
+    last_fault.mmfar = SCB_MMFAR;
+    last_fault.bfar = SCB_BFAR;
+    compiler_barrier();
+    last_fault.magic = FAULT_MAGIC;
+    cpu_barrier();
+    SCB_AIRCR = AIRCR_VECTKEY | AIRCR_SYSRESETREQ;
+    cpu_barrier();
+    for (;;) {
+    }
+}
+
+/* The clock security system has seen the crystal stop and has put the core on the 16 MHz oscillator (RM0090
+ * section 7.2.7). Every divider is wrong from here on, so the chip starts over, and start-up finds a clock.
+ */
+void NMI_Handler(void)
+{
+    if ((RCC->cir & RCC_CIR_CSSF) != 0) {
+        RCC->cir |= RCC_CIR_CSSC;
+    }
+    record_fault(0);
+}

@@ -1,0 +1,244 @@
+/* The registers of the STM32F405 and of its Cortex-M4 core that this firmware touches, and no others.
+ *
+ * Sections are those of RM0090 (STM32F405/407 reference manual) and PM0214 (Cortex-M4 programming manual). */
+#ifndef REGISTERS_H
+#define REGISTERS_H
+
+#include <stdint.h>
+
+typedef volatile uint32_t reg32;
+
+/* --- Core, PM0214 --------------------------------------------------------------------------------- */
+
+/* SysTick timer, PM0214 section 4.5. */
+struct systick {
+    reg32 ctrl;
+    reg32 load;
+    reg32 val;
+};
+#define SYSTICK                ((struct systick *)0xE000E010u)
+#define SYSTICK_CTRL_ENABLE    (1u << 0)
+#define SYSTICK_CTRL_TICKINT   (1u << 1)
+#define SYSTICK_CTRL_CLKSOURCE (1u << 2) /* the processor clock itself, not an eighth of it */
+#define SYSTICK_MAX            0x00FFFFFFu
+
+/* Interrupt controller, PM0214 section 4.3: set-enable words and one priority byte for each interrupt. */
+#define NVIC_ISER(word) (*(reg32 *)(0xE000E100u + 4u * (word)))
+#define NVIC_IPR(irq)   (*(volatile uint8_t *)(0xE000E400u + (irq)))
+
+/* System control block, PM0214 section 4.4. */
+#define SCB_VTOR          (*(reg32 *)0xE000ED08u)
+#define SCB_AIRCR         (*(reg32 *)0xE000ED0Cu)
+#define SCB_SHPR(exc)     (*(volatile uint8_t *)(0xE000ED14u + (exc))) /* system exceptions 4 to 15 */
+#define SCB_SHCSR         (*(reg32 *)0xE000ED24u)
+#define SCB_CFSR          (*(reg32 *)0xE000ED28u)
+#define SCB_HFSR          (*(reg32 *)0xE000ED2Cu)
+#define SCB_MMFAR         (*(reg32 *)0xE000ED34u)
+#define SCB_BFAR          (*(reg32 *)0xE000ED38u)
+#define SCB_CPACR         (*(reg32 *)0xE000ED88u) /* section 4.6.1 */
+#define AIRCR_VECTKEY     (0x05FAu << 16)
+#define AIRCR_SYSRESETREQ (1u << 2)
+#define SHCSR_MEMFAULTENA (1u << 16)
+#define SHCSR_BUSFAULTENA (1u << 17)
+#define SHCSR_USGFAULTENA (1u << 18)
+#define CPACR_FPU_FULL    (0xFu << 20)
+#define EXCEPTION_SYSTICK 15u
+
+/* --- Clocks and power ----------------------------------------------------------------------------- */
+
+/* Reset and clock control, section 7.3. */
+struct rcc {
+    reg32 cr;
+    reg32 pllcfgr;
+    reg32 cfgr;
+    reg32 cir;
+    reg32 ahb1rstr;
+    reg32 ahb2rstr;
+    reg32 ahb3rstr;
+    reg32 reserved_1c;
+    reg32 apb1rstr;
+    reg32 apb2rstr;
+    reg32 reserved_28[2];
+    reg32 ahb1enr;
+    reg32 ahb2enr;
+    reg32 ahb3enr;
+    reg32 reserved_3c;
+    reg32 apb1enr;
+    reg32 apb2enr;
+    reg32 reserved_48[10];
+    reg32 bdcr;
+    reg32 csr;
+};
+_Static_assert(sizeof(struct rcc) == 0x78, "RCC_CSR lies at 0x74");
+#define RCC                 ((struct rcc *)0x40023800u)
+#define RCC_CR_HSION        (1u << 0)
+#define RCC_CR_HSIRDY       (1u << 1)
+#define RCC_CR_HSEON        (1u << 16)
+#define RCC_CR_HSERDY       (1u << 17)
+#define RCC_CR_HSEBYP       (1u << 18)
+#define RCC_CR_CSSON        (1u << 19)
+#define RCC_CR_PLLON        (1u << 24)
+#define RCC_CR_PLLRDY       (1u << 25)
+#define RCC_PLLCFGR_M(m)    ((uint32_t)(m))
+#define RCC_PLLCFGR_N(n)    ((uint32_t)(n) << 6)
+#define RCC_PLLCFGR_P_2     (0u << 16)
+#define RCC_PLLCFGR_SRC_HSE (1u << 22)
+#define RCC_PLLCFGR_Q(q)    ((uint32_t)(q) << 24)
+#define RCC_CFGR_SW_MASK    (3u << 0)
+#define RCC_CFGR_SW_PLL     (2u << 0)
+#define RCC_CFGR_SWS_MASK   (3u << 2)
+#define RCC_CFGR_SWS_PLL    (2u << 2)
+#define RCC_CFGR_PPRE1_DIV4 (5u << 10)
+#define RCC_CFGR_PPRE2_DIV2 (4u << 13)
+#define RCC_CIR_CSSF        (1u << 7)
+#define RCC_CIR_CSSC        (1u << 23)
+#define RCC_AHB1ENR_GPIOA   (1u << 0)
+#define RCC_AHB1ENR_GPIOB   (1u << 1)
+#define RCC_AHB1ENR_GPIOC   (1u << 2)
+#define RCC_AHB2ENR_RNG     (1u << 6)
+#define RCC_APB1ENR_TIM3    (1u << 1)
+#define RCC_APB1ENR_TIM4    (1u << 2)
+#define RCC_APB1ENR_USART3  (1u << 18)
+#define RCC_APB1ENR_PWR     (1u << 28)
+#define RCC_APB2ENR_TIM1    (1u << 0)
+#define RCC_APB2ENR_ADC1    (1u << 8)
+#define RCC_CSR_RMVF        (1u << 24)
+
+/* Power control, section 5.4.1. The F405 has one scale bit and no over-drive. */
+#define PWR_CR     (*(reg32 *)0x40007000u)
+#define PWR_CR_VOS (1u << 14)
+
+/* Flash access control, section 3.9.1. */
+#define FLASH_ACR              (*(reg32 *)0x40023C00u)
+#define FLASH_ACR_LATENCY(ws)  ((uint32_t)(ws))
+#define FLASH_ACR_LATENCY_MASK 7u
+#define FLASH_ACR_PRFTEN       (1u << 8)
+#define FLASH_ACR_ICEN         (1u << 9)
+#define FLASH_ACR_DCEN         (1u << 10)
+
+/* Device identity, section 38.6.1, and the unique device id, section 39.1. */
+#define DBGMCU_IDCODE_ADDRESS 0xE0042000u
+#define UID_ADDRESS           0x1FFF7A10u
+
+/* --- Peripherals ---------------------------------------------------------------------------------- */
+
+/* General-purpose pins, section 8.4. */
+struct gpio {
+    reg32 moder;
+    reg32 otyper;
+    reg32 ospeedr;
+    reg32 pupdr;
+    reg32 idr;
+    reg32 odr;
+    reg32 bsrr;
+    reg32 lckr;
+    reg32 afr[2];
+};
+#define GPIOA ((struct gpio *)0x40020000u)
+#define GPIOB ((struct gpio *)0x40020400u)
+#define GPIOC ((struct gpio *)0x40020800u)
+
+/* Timers: TIM1 in section 17.4, TIM3 and TIM4 in section 18.4 (these lack RCR and BDTR). */
+struct timer {
+    reg32 cr1;
+    reg32 cr2;
+    reg32 smcr;
+    reg32 dier;
+    reg32 sr;
+    reg32 egr;
+    reg32 ccmr1;
+    reg32 ccmr2;
+    reg32 ccer;
+    reg32 cnt;
+    reg32 psc;
+    reg32 arr;
+    reg32 rcr;
+    reg32 ccr[4];
+    reg32 bdtr;
+};
+#define TIM1                ((struct timer *)0x40010000u)
+#define TIM3                ((struct timer *)0x40000400u)
+#define TIM4                ((struct timer *)0x40000800u)
+#define TIM_CR1_CEN         (1u << 0)
+#define TIM_CR1_ARPE        (1u << 7)
+#define TIM_CR1_CKD_DIV4    (2u << 8)
+#define TIM_CR2_OIS(ch)     (1u << (8u + 2u * (ch))) /* idle level of channel 0..3 */
+#define TIM_SMCR_ENCODER_X4 3u
+#define TIM_EGR_UG          (1u << 0)
+#define TIM_CCMR_PWM1       (6u << 4) /* low byte of CCMR1/2; the high byte is the next channel */
+#define TIM_CCMR_PRELOAD    (1u << 3)
+#define TIM_CCMR_INPUT      (1u << 0) /* channel is an input from its own pin */
+#define TIM_CCMR_FILTER(f)  ((uint32_t)(f) << 4)
+#define TIM_CCER_ENABLE(ch) (1u << (4u * (ch)))
+#define TIM_BDTR_OSSI       (1u << 10)
+#define TIM_BDTR_MOE        (1u << 15)
+
+/* Serial port, section 30.6. */
+struct usart {
+    reg32 sr;
+    reg32 dr;
+    reg32 brr;
+    reg32 cr1;
+    reg32 cr2;
+    reg32 cr3;
+};
+#define USART3           ((struct usart *)0x40004800u)
+#define USART_SR_FE      (1u << 1)
+#define USART_SR_NE      (1u << 2)
+#define USART_SR_ORE     (1u << 3)
+#define USART_SR_RXNE    (1u << 5)
+#define USART_SR_TXE     (1u << 7)
+#define USART_CR1_RE     (1u << 2)
+#define USART_CR1_TE     (1u << 3)
+#define USART_CR1_RXNEIE (1u << 5)
+#define USART_CR1_TXEIE  (1u << 7)
+#define USART_CR1_UE     (1u << 13)
+#define IRQ_USART3       39u /* section 12.2, table 61 */
+
+/* Analogue-to-digital converter, section 13.13. */
+struct adc {
+    reg32 sr;
+    reg32 cr1;
+    reg32 cr2;
+    reg32 smpr1;
+    reg32 smpr2;
+    reg32 jofr[4];
+    reg32 htr;
+    reg32 ltr;
+    reg32 sqr1;
+    reg32 sqr2;
+    reg32 sqr3;
+    reg32 jsqr;
+    reg32 jdr[4];
+    reg32 dr;
+};
+#define ADC1              ((struct adc *)0x40012000u)
+#define ADC_CCR           (*(reg32 *)0x40012304u)
+#define ADC_SR_EOC        (1u << 1)
+#define ADC_CR2_ADON      (1u << 0)
+#define ADC_CR2_SWSTART   (1u << 30)
+#define ADC_CCR_PCLK_DIV4 (1u << 16)
+
+/* Random number generator, section 24.4. Addresses, since it is only read through a guarded load. */
+#define RNG_CR         (*(reg32 *)0x50060800u)
+#define RNG_SR_ADDRESS 0x50060804u
+#define RNG_DR_ADDRESS 0x50060808u
+#define RNG_CR_RNGEN   (1u << 2)
+#define RNG_SR_DRDY    (1u << 0)
+#define RNG_SR_CECS    (1u << 1)
+#define RNG_SR_SECS    (1u << 2)
+
+/* Independent watchdog, section 21.4. */
+struct iwdg {
+    reg32 kr;
+    reg32 pr;
+    reg32 rlr;
+    reg32 sr;
+};
+#define IWDG            ((struct iwdg *)0x40003000u)
+#define IWDG_KEY_RELOAD 0xAAAAu
+#define IWDG_KEY_ACCESS 0x5555u
+#define IWDG_KEY_START  0xCCCCu
+#define IWDG_PR_DIV32   3u
+
+#endif
