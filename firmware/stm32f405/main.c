@@ -1,0 +1,124 @@
+/* The program of the board: starts the parts, runs the controller's tick each millisecond and its poll
+ * between. */
+#include "battery.h"
+#include "clock.h"
+#include "controller.h"
+#include "cortex.h"
+#include "encoders.h"
+#include "hal.h"
+#include "identity.h"
+#include "link.h"
+#include "motors.h"
+#include "pins.h"
+#include "registers.h"
+#include "watchdog.h"
+
+enum { TICK_HZ = 1000, LED_PIN = 12, LED_MS = 500, LED_FALLBACK_MS = 125 };
+
+/* Processor cycles that the tick took; what the README's budget is read from. */
+struct tick_cost {
+    uint32_t last_cycles;
+    uint32_t most_cycles;
+};
+
+volatile struct tick_cost tick_cost;
+
+static struct controller controller;
+static uint32_t led_half_period_ms;
+
+void SysTick_Handler(void);
+
+/* A green LED on the board's PC12 shows that ticks come: 1 Hz on the crystal, 4 Hz without it. */
+static void blink(void)
+{
+    static uint32_t elapsed_ms;
+    if (++elapsed_ms >= led_half_period_ms) {
+        elapsed_ms = 0;
+        GPIOC->odr ^= 1u << LED_PIN;
+    }
+}
+
+/* One tick that takes longer than its millisecond would be counted short; the margin is a factor of ten. */
+static void record_cost(void)
+{
+    const uint32_t cycles = SYSTICK->load - SYSTICK->val;
+    tick_cost.last_cycles = cycles;
+    if (cycles > tick_cost.most_cycles) {
+        tick_cost.most_cycles = cycles;
+    }
+}
+
+void SysTick_Handler(void)
+{
+    encoders_update();
+    battery_update();
+    controller_tick(&controller);
+    link_pump();
+    blink();
+    record_cost();
+}
+
+void hal_sense(struct hal_sample *out)
+{
+    encoders_read(out->counts);
+    out->battery_valid = battery_read(&out->battery_mv);
+}
+
+/* Only the tick is held off: the controller shares nothing with the serial interrupt but the link's rings,
+ * and these need no lock. So no length of critical section can make the port overrun. */
+uint32_t hal_critical_enter(void)
+{
+    const uint32_t before = cpu_basepri();
+    cpu_set_basepri(PRIORITY_TICK);
+    return before;
+}
+
+void hal_critical_exit(uint32_t state)
+{
+    cpu_set_basepri(state);
+}
+
+static void start_peripheral_clocks(void)
+{
+    RCC->ahb1enr |= RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOB | RCC_AHB1ENR_GPIOC;
+    RCC->ahb2enr |= RCC_AHB2ENR_RNG;
+    RCC->apb1enr |= RCC_APB1ENR_TIM3 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_USART3;
+    RCC->apb2enr |= RCC_APB2ENR_TIM1 | RCC_APB2ENR_ADC1;
+    (void)RCC->apb2enr; /* a clock needs two cycles to arrive (ES0182); the read takes longer */
+}
+
+static void start_tick(uint32_t core_hz)
+{
+    SCB_SHPR(EXCEPTION_SYSTICK) = PRIORITY_TICK;
+    SYSTICK->load = core_hz / TICK_HZ - 1u;
+    SYSTICK->val = 0;
+    SYSTICK->ctrl = SYSTICK_CTRL_CLKSOURCE | SYSTICK_CTRL_TICKINT | SYSTICK_CTRL_ENABLE;
+}
+
+int main(void)
+{
+    struct clock clock;
+    watchdog_start();
+    clock_start(&clock);
+    start_peripheral_clocks();
+    motors_start(clock.timer_apb2_hz);
+    encoders_start();
+    battery_start();
+    pin_to_output(GPIOC, LED_PIN);
+    led_half_period_ms = clock.source == CLOCK_CRYSTAL_PLL ? LED_MS : LED_FALLBACK_MS;
+    identity_start(&clock);
+    link_start(clock.apb1_hz);
+    controller_init(&controller);
+    start_tick(clock.core_hz);
+    cpu_interrupts_on();
+
+    for (;;) {
+        controller_poll(&controller);
+        /* Asked with interrupts off, or a byte that arrives in between would wait for the next tick. */
+        cpu_interrupts_off();
+        if (!link_has_input()) {
+            cpu_wait_for_interrupt();
+        }
+        cpu_interrupts_on();
+    }
+}

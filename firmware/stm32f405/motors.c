@@ -1,0 +1,79 @@
+/* Drives two H-bridges with IN/IN inputs (DRV8871 class) from TIM1 at 20 kHz, in slow decay.
+ *
+ *   IN1 IN2  bridge            used for
+ *    0   0   coast, then sleep reset, power-up, ROM loader: the pins float, the driver's pull-downs hold them
+ * low 1   0   forward           the driven part of the period at positive effort 0   1   reverse the driven
+ * part of the period at negative effort 1   1   brake             the rest of the period, zero effort, and
+ * every fault
+ *
+ * Slow decay (drive and brake in turn) makes mean voltage, and so speed, linear in effort; drive and coast
+ * would leave the current to die at small efforts. Idle is brake, for the same reason that zero effort is: a
+ * robot told nothing should stand, also on a slope. Coast is left to the times when no program runs. A change
+ * of effort may be taken up in two halves, since the four compare registers are written one after the other;
+ * the worst that makes is one period (50 us) of coast or brake. */
+#include "motors.h"
+
+#include "hal.h"
+#include "pins.h"
+#include "registers.h"
+
+enum { EFFORT_FULL_E4 = 10000, PIN_FUNCTION_TIM1 = 1, FIRST_PIN = 8, CHANNELS = 4 };
+
+/* Timer counts in one PWM period. A compare value this large is never reached: the output stays high. */
+static uint32_t period;
+
+/* Counts that the inputs of one bridge are high. */
+static void set_bridge(uint32_t wheel, int32_t effort_e4)
+{
+    if (effort_e4 > EFFORT_FULL_E4) {
+        effort_e4 = EFFORT_FULL_E4;
+    } else if (effort_e4 < -EFFORT_FULL_E4) {
+        effort_e4 = -EFFORT_FULL_E4;
+    }
+    const uint32_t magnitude = (uint32_t)(effort_e4 < 0 ? -effort_e4 : effort_e4);
+    const uint32_t driven = (magnitude * period + EFFORT_FULL_E4 / 2u) / EFFORT_FULL_E4;
+    TIM1->ccr[2u * wheel] = effort_e4 < 0 ? period - driven : period;
+    TIM1->ccr[2u * wheel + 1u] = effort_e4 > 0 ? period - driven : period;
+}
+
+void motors_start(uint32_t timer_hz)
+{
+    period = timer_hz / MOTOR_PWM_HZ;
+    TIM1->cr1 = TIM_CR1_ARPE;
+    TIM1->psc = 0;
+    TIM1->arr = period - 1u;
+    TIM1->ccmr1 = (TIM_CCMR_PWM1 | TIM_CCMR_PRELOAD) * 0x0101u;
+    TIM1->ccmr2 = (TIM_CCMR_PWM1 | TIM_CCMR_PRELOAD) * 0x0101u;
+    for (uint32_t wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        set_bridge(wheel, 0);
+    }
+    /* With the main output off, OSSI keeps the pins driven at their idle level (RM0090 section 17.4.9):
+     * brake. */
+    uint32_t idle_high = 0;
+    uint32_t enable = 0;
+    for (uint32_t channel = 0; channel < CHANNELS; channel++) {
+        idle_high |= TIM_CR2_OIS(channel);
+        enable |= TIM_CCER_ENABLE(channel);
+    }
+    TIM1->cr2 = idle_high;
+    TIM1->bdtr = TIM_BDTR_OSSI;
+    TIM1->ccer = enable;
+    TIM1->egr = TIM_EGR_UG;
+    TIM1->cr1 = TIM_CR1_ARPE | TIM_CR1_CEN;
+    for (uint32_t channel = 0; channel < CHANNELS; channel++) {
+        pin_to_peripheral(GPIOA, FIRST_PIN + channel, PIN_FUNCTION_TIM1, PULL_NONE);
+    }
+    TIM1->bdtr = TIM_BDTR_OSSI | TIM_BDTR_MOE;
+}
+
+void motors_stop(void)
+{
+    TIM1->bdtr = TIM_BDTR_OSSI;
+}
+
+void hal_drive(const int16_t effort_e4[HAL_WHEELS])
+{
+    for (uint32_t wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        set_bridge(wheel, effort_e4[wheel]);
+    }
+}

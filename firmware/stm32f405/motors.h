@@ -1,0 +1,15 @@
+/* Two H-bridges with IN/IN inputs on TIM1; see hal_drive for the way to turn them. */
+#ifndef MOTORS_H
+#define MOTORS_H
+
+#include <stdint.h>
+
+#define MOTOR_PWM_HZ 20000u
+
+/* Takes the pins over with both bridges braking. */
+void motors_start(uint32_t timer_hz);
+
+/* Brakes both bridges at once, by one write that needs no other state; for fault handlers. */
+void motors_stop(void);
+
+#endif
