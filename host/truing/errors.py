@@ -1,7 +1,7 @@
 """Every error that `truing` raises on purpose: what went wrong, and what to do next.
 
 The command line prints `TruingError` as one line (plus the next step) and exits with
-`exit_code`; anything else that escapes is a bug in truing and keeps its traceback.
+`exit_code`: 2 where the user's input is wrong, 1 where the board or the link fails; anything else that escapes is a bug in truing and keeps its traceback.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class RecordingError(FileError):
 
     Parameters
     ----------
-    row : line number in the file as an editor shows it (the header is line 1).
+    row : data row, counted from 1; the line in the file is one more (the header is line 1).
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class RecordingError(FileError):
         if column is not None:
             places.append(f"column {column!r}")
         if row is not None:
-            places.append(f"row {row}")
+            places.append(f"row {row} (line {row + 1} of the file)")
         where = ", ".join(places)
         super().__init__(path, f"{where}: {problem}" if where else problem, next_step)
         self.column = column
@@ -85,9 +85,13 @@ class IdentifyError(TruingError):
 class PortError(TruingError):
     """A port cannot be opened, or is not of a kind that truing knows."""
 
+    exit_code = 1
+
 
 class LinkError(TruingError):
     """The link to the board failed: it went silent, closed, or kept corrupting frames."""
+
+    exit_code = 1
 
 
 class LinkTimeout(LinkError):
@@ -96,6 +100,10 @@ class LinkTimeout(LinkError):
 
 class LinkClosed(LinkError):
     """The link is closed: the cable was pulled, the port vanished, or the peer hung up."""
+
+
+class BoardRebooted(LinkError):
+    """The board started anew in between: what it held in RAM (sequence, logs, parameters) is gone."""
 
 
 class ProtocolMismatch(LinkError):
@@ -110,6 +118,8 @@ class Refused(TruingError):
     request, reason : names from the protocol's schema.
     """
 
+    exit_code = 1
+
     def __init__(self, request: str, reason: str, message: str, next_step: str = "") -> None:
         super().__init__(message, next_step)
         self.request = request
@@ -119,6 +129,8 @@ class Refused(TruingError):
 class BoardFault(TruingError):
     """The board stopped by itself and latched one or more named faults."""
 
+    exit_code = 1
+
     def __init__(self, faults: tuple[str, ...], message: str, next_step: str = "") -> None:
         super().__init__(message, next_step)
         self.faults = faults
@@ -127,6 +139,10 @@ class BoardFault(TruingError):
 class LogError(TruingError):
     """A downloaded log does not decode, or its digest differs from the board's."""
 
+    exit_code = 1
+
 
 class VirtualBoardError(TruingError):
     """The virtual board cannot start or stopped (no image, no native library, a CPU fault)."""
+
+    exit_code = 1

@@ -1,0 +1,113 @@
+"""How much floor a plan needs and how fast it goes: a conservative estimate, made before anything moves."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from truing.plan import Kind, Plan
+
+_STEP_S = 0.01
+# First-order models leave out friction, which slows a robot, and a fresh battery, which does not.
+_GAIN_MARGIN = 1.10
+# Wheels that differ by 3 per cent turn a robot that was told to go straight by 0.03 / 0.283 rad per metre.
+_CURL_RAD_PER_M = 0.106
+
+
+@dataclass(frozen=True, slots=True)
+class MotionModel:
+    """Enough of a robot to guess where a plan takes it.
+
+    `source` says where the numbers come from, in the user's words.
+    """
+
+    gain_left_mps: float = 1.5
+    gain_right_mps: float = 1.5
+    time_constant_s: float = 0.4
+    wheelbase_m: float = 0.283
+    source: str = "the default robot (1.5 m/s at full effort)"
+
+
+@dataclass(frozen=True, slots=True)
+class FloorNeed:
+    """The floor that a plan sweeps, metres from the robot's centre at its start, and its top speed.
+
+    `radius_m` is the farthest that the centre gets from the start.
+    """
+
+    ahead_m: float
+    behind_m: float
+    left_m: float
+    right_m: float
+    radius_m: float
+    top_speed_mps: float
+    top_wheel_speed_mps: float
+    duration_s: float
+    source: str
+
+    def sentence(self) -> str:
+        """In one line, for a person who stands beside the robot."""
+        if max(self.ahead_m, self.behind_m, self.left_m, self.right_m) < 0.05:
+            room = "turns on the spot" if self.top_wheel_speed_mps > 0 else "does not move"
+        else:
+            room = f"{self.ahead_m:.1f} m ahead, {self.behind_m:.1f} m behind, {self.left_m:.1f} m left, {self.right_m:.1f} m right"
+        return (
+            f"floor: {room}, and the robot's own size around it; top speed {self.top_wheel_speed_mps:.2f} m/s at the wheel; "
+            f"{self.duration_s:.1f} s (estimate from {self.source}, margins included)"
+        )
+
+
+def estimate_floor(plan: Plan, model: MotionModel | None = None) -> FloorNeed:
+    """Roll first-order wheels through the plan and widen the path by what they leave out."""
+    model = model or MotionModel()
+    left = right = 0.0
+    heading = x = y = travelled = 0.0
+    xs, ys = [0.0], [0.0]
+    top_body = top_wheel = reach = 0.0
+    for target_left, target_right, duration_s in [*_wheel_targets(plan, model), (0.0, 0.0, 5 * model.time_constant_s)]:
+        steps = max(1, math.ceil(duration_s / _STEP_S))
+        dt = duration_s / steps
+        decay = math.exp(-dt / model.time_constant_s)
+        for _ in range(steps):
+            left = target_left + (left - target_left) * decay
+            right = target_right + (right - target_right) * decay
+            v = 0.5 * (left + right)
+            turn = (right - left) / model.wheelbase_m * dt
+            x += v * dt * math.cos(heading + 0.5 * turn)
+            y += v * dt * math.sin(heading + 0.5 * turn)
+            heading += turn
+            travelled += abs(v) * dt
+            # Off a straight line by a curl c over a path s: c s^2 / 2, and never beyond the path itself.
+            stray = min(0.5 * _CURL_RAD_PER_M * travelled * travelled, travelled)
+            ys += [y - stray, y + stray]
+            xs.append(x)
+            reach = max(reach, min(math.hypot(x, y) + stray, travelled))
+            top_body = max(top_body, abs(v))
+            top_wheel = max(top_wheel, abs(left), abs(right))
+    return FloorNeed(
+        ahead_m=max(0.0, *xs),
+        behind_m=max(0.0, -min(xs)),
+        left_m=max(0.0, *ys),
+        right_m=max(0.0, -min(ys)),
+        radius_m=reach,
+        top_speed_mps=top_body,
+        top_wheel_speed_mps=top_wheel,
+        duration_s=plan.duration_s,
+        source=model.source,
+    )
+
+
+def _wheel_targets(plan: Plan, model: MotionModel) -> list[tuple[float, float, float]]:
+    """Steady wheel speeds (m/s, left and right) and duration of each segment, with margin."""
+    targets = []
+    for segment in plan.segments:
+        a, b = segment.a, segment.b
+        if segment.kind is Kind.EFFORT:
+            pair = (a * model.gain_left_mps, b * model.gain_right_mps)
+        elif segment.kind is Kind.VELOCITY:
+            pair = (a, b)
+        else:
+            half = 0.5 * b * model.wheelbase_m
+            pair = (a - half, a + half)
+        targets.append((pair[0] * _GAIN_MARGIN, pair[1] * _GAIN_MARGIN, segment.duration_s))
+    return targets

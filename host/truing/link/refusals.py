@@ -1,0 +1,74 @@
+"""Turns a refusal on the wire into an exception that names the reason, its cause and the next step."""
+
+from __future__ import annotations
+
+from truing.errors import Refused
+from truing_protocol import FAULTS, REFUSAL_MEANING, FaultInfo, Refusal, RefusalReason, State
+
+_NEXT_STEP: dict[int, str] = {
+    RefusalReason.UNKNOWN_REQUEST: "flash the firmware that belongs to this version of truing",
+    RefusalReason.BAD_LENGTH: "flash the firmware that belongs to this version of truing",
+    RefusalReason.NOT_FINITE: "give a finite number",
+    RefusalReason.OUT_OF_RANGE: "`truing params list` shows the limits; change the command, or the limit with `truing params set`",
+    RefusalReason.WRONG_STATE: "`truing stop` ends what the board does now; then try again",
+    RefusalReason.FAULT_LATCHED: "put the cause right, then `truing faults --clear`",
+    RefusalReason.SELF_CHECK_FAILED: "put the cause right; `truing info` shows what the board measures",
+    RefusalReason.UNKNOWN_PARAMETER: "`truing params list` shows the names",
+    RefusalReason.SEQUENCE_TOO_LONG: "shorten the plan, or split it into several",
+    RefusalReason.SEQUENCE_GAP: "upload the plan again; another host may be using this board",
+    RefusalReason.SEQUENCE_INCOMPLETE: "upload the plan again; another host may be using this board",
+    RefusalReason.SEQUENCE_BAD_CRC: "upload the plan again; another host may be using this board",
+    RefusalReason.SEQUENCE_EMPTY: "upload a plan first (`truing run PLAN` does both)",
+    RefusalReason.UNKNOWN_SEGMENT_KIND: "flash the firmware that belongs to this version of truing",
+    RefusalReason.LOG_GONE: "`truing log list` shows what the ring still holds; fetch logs sooner, or log at a lower rate",
+    RefusalReason.LOG_BEYOND_END: "`truing log list` shows what the ring holds",
+    RefusalReason.LOG_BUSY: "wait for the sequence to end, or `truing stop`",
+}
+_WITH_FAULTS = {RefusalReason.FAULT_LATCHED, RefusalReason.SELF_CHECK_FAILED}
+
+
+def faults_in(bits: int) -> tuple[FaultInfo, ...]:
+    """Return the faults whose bits are set, in the schema's order."""
+    return tuple(fault for fault in FAULTS if bits & fault.mask)
+
+
+def refused(request: str, refusal: Refusal) -> Refused:
+    """Return the exception for `refusal` of the request with that name."""
+    try:
+        reason = RefusalReason(refusal.reason)
+    except ValueError:
+        return Refused(request, str(refusal.reason), f"the board refused {request} for reason {refusal.reason}, which truing does not know")
+    name = reason.name.lower()
+    next_step = _NEXT_STEP.get(reason, "")
+    meaning = REFUSAL_MEANING[reason].split("; `detail`")[0].split("; clear_faults")[0]
+    text = f"the board refused {request}: {name} ({meaning}"
+    if reason in _WITH_FAULTS:
+        faults = faults_in(refusal.detail)
+        text += ": " + ", ".join(f"{fault.name}, {fault.cause}" for fault in faults) + ")"
+        if faults:
+            next_step = "; ".join(fault.next_step for fault in faults) + "; then `truing faults --clear`"
+    else:
+        text += _detail(reason, request, refusal.detail) + ")"
+    return Refused(request, name, text, next_step)
+
+
+def _detail(reason: RefusalReason, request: str, detail: int) -> str:
+    """What the refusal's number says, in words; empty where it says nothing to a person."""
+    if reason is RefusalReason.WRONG_STATE:
+        states = {int(s): s.name.lower() for s in State}
+        return f": it is {states.get(detail, detail)}"
+    if reason in (RefusalReason.OUT_OF_RANGE, RefusalReason.NOT_FINITE):
+        return f": segment {detail + 1}" if request == "seq_segments" else f": number {detail + 1} of the request"
+    if reason is RefusalReason.SEQUENCE_TOO_LONG:
+        return f": it holds {detail}"
+    if reason is RefusalReason.SEQUENCE_GAP:
+        return f": it expects segment {detail + 1}"
+    if reason is RefusalReason.SEQUENCE_INCOMPLETE:
+        return f": it has {detail}"
+    if reason is RefusalReason.UNKNOWN_SEGMENT_KIND:
+        return f": segment {detail + 1}"
+    if reason is RefusalReason.LOG_GONE:
+        return f": the oldest byte left is {detail}"
+    if reason is RefusalReason.LOG_BEYOND_END:
+        return f": the log's bytes end at {detail}"
+    return ""
