@@ -4,6 +4,8 @@ The command line prints `TruingError` as one line (plus the next step) and exits
 `exit_code`: 2 where the user's input is wrong, 1 where the board or the link fails; anything else that escapes is a bug in truing and keeps its traceback.
 """
 
+# ruff: noqa: N818 (these are named for what happened, as users read them)
+
 from __future__ import annotations
 
 from pathlib import Path
