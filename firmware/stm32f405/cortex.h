@@ -9,7 +9,7 @@
  * The serial port stands above the control tick. It has no FIFO: at 921600 baud a byte must be fetched within
  * 10.8 us of its end or the next one overruns it, and a tick takes longer than that. The tick can wait: its
  * interrupts cost it well under a microsecond each, and its inputs are latched by hardware counters.
- * Both share no data but the transmit ring (link.c). Faults preempt both. */
+ * Both share no data but the transmit ring (usart_link.c). Faults preempt both. */
 #define PRIORITY_USART3 0x40u
 #define PRIORITY_TICK   0x80u
 

@@ -7,10 +7,10 @@
 #include "encoders.h"
 #include "hal.h"
 #include "identity.h"
-#include "link.h"
 #include "motors.h"
 #include "pins.h"
 #include "registers.h"
+#include "usart_link.h"
 #include "watchdog.h"
 
 enum { TICK_HZ = 1000, LED_PIN = 12, LED_MS = 500, LED_FALLBACK_MS = 125 };
@@ -53,7 +53,7 @@ void SysTick_Handler(void)
     encoders_update();
     battery_update();
     controller_tick(&controller);
-    link_pump();
+    usart_link_pump();
     blink();
     record_cost();
 }
@@ -107,7 +107,7 @@ int main(void)
     pin_to_output(GPIOC, LED_PIN);
     led_half_period_ms = clock.source == CLOCK_CRYSTAL_PLL ? LED_MS : LED_FALLBACK_MS;
     identity_start(&clock);
-    link_start(clock.apb1_hz);
+    usart_link_start(clock.apb1_hz);
     controller_init(&controller);
     start_tick(clock.core_hz);
     cpu_interrupts_on();
@@ -116,7 +116,7 @@ int main(void)
         controller_poll(&controller);
         /* Asked with interrupts off, or a byte that arrives in between would wait for the next tick. */
         cpu_interrupts_off();
-        if (!link_has_input()) {
+        if (!usart_link_has_input()) {
             cpu_wait_for_interrupt();
         }
         cpu_interrupts_on();

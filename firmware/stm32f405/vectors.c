@@ -2,9 +2,9 @@
 #include <stdint.h>
 
 #include "fault.h"
-#include "link.h"
 #include "registers.h"
 #include "startup.h"
+#include "usart_link.h"
 
 /* RM0090 table 61: the F405 has 82 interrupts. */
 enum { INTERRUPTS = 82 };

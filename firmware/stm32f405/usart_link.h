@@ -1,6 +1,6 @@
 /* The serial link to the host on USART3: rings between the interrupt and hal_link_*. */
-#ifndef LINK_H
-#define LINK_H
+#ifndef USART_LINK_H
+#define USART_LINK_H
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -8,22 +8,22 @@
 #define LINK_BAUD 921600u
 
 /* What went wrong on the line since start. */
-struct link_errors {
+struct usart_link_errors {
     uint32_t overruns;      /* the port was not read in time */
     uint32_t ring_overflow; /* bytes dropped since the ring was full */
     uint32_t framing;       /* bytes dropped for a missing stop bit */
     uint32_t noise;         /* bytes kept though the samples disagreed */
 };
 
-extern volatile struct link_errors link_errors;
+extern volatile struct usart_link_errors usart_link_errors;
 
-void link_start(uint32_t bus_hz);
+void usart_link_start(uint32_t bus_hz);
 
 /* True if received bytes wait for hal_link_read. */
-bool link_has_input(void);
+bool usart_link_has_input(void);
 
 /* Sends what the port will take now; called by the tick, as a second way besides the interrupt. */
-void link_pump(void);
+void usart_link_pump(void);
 
 /* Vector. */
 void USART3_Handler(void);

@@ -3,7 +3,7 @@
  * Each ring has one writer and one reader: the interrupt and the main loop. Indices run freely and are masked
  * on access, so that full and empty differ. The transmit ring has a second reader, the tick, which masks the
  * interrupt for the few instructions that it takes. */
-#include "link.h"
+#include "usart_link.h"
 
 #include "cortex.h"
 #include "hal.h"
@@ -18,7 +18,7 @@ enum { PUMP_LIMIT = 16 };
 
 #define CR1_IDLE (USART_CR1_UE | USART_CR1_TE | USART_CR1_RE | USART_CR1_RXNEIE)
 
-volatile struct link_errors link_errors;
+volatile struct usart_link_errors usart_link_errors;
 
 static uint8_t rx_ring[RX_SIZE];
 static uint8_t tx_ring[TX_SIZE];
@@ -27,7 +27,7 @@ static volatile uint32_t rx_tail; /* written by the main loop */
 static volatile uint32_t tx_head; /* written by the main loop */
 static volatile uint32_t tx_tail; /* written by whoever feeds the port */
 
-void link_start(uint32_t bus_hz)
+void usart_link_start(uint32_t bus_hz)
 {
     pin_to_peripheral(GPIOB, 10, PIN_FUNCTION_USART3, PULL_UP);
     pin_to_peripheral(GPIOB, 11, PIN_FUNCTION_USART3, PULL_UP); /* an open line idles */
@@ -44,21 +44,21 @@ static void receive(uint32_t status)
 {
     const uint8_t byte = (uint8_t)USART3->dr; /* also clears the error flags of `status` */
     if ((status & USART_SR_ORE) != 0) {
-        link_errors.overruns++;
+        usart_link_errors.overruns++;
     }
     if ((status & USART_SR_RXNE) == 0) {
         return;
     }
     if ((status & USART_SR_FE) != 0) {
-        link_errors.framing++;
+        usart_link_errors.framing++;
         return;
     }
     if ((status & USART_SR_NE) != 0) {
-        link_errors.noise++;
+        usart_link_errors.noise++;
     }
     const uint32_t head = rx_head;
     if (head - rx_tail == RX_SIZE) {
-        link_errors.ring_overflow++;
+        usart_link_errors.ring_overflow++;
         return;
     }
     rx_ring[head % RX_SIZE] = byte;
@@ -91,7 +91,7 @@ void USART3_Handler(void)
     }
 }
 
-void link_pump(void)
+void usart_link_pump(void)
 {
     if (tx_tail == tx_head) {
         return;
@@ -101,7 +101,7 @@ void link_pump(void)
     cpu_interrupts_on();
 }
 
-bool link_has_input(void)
+bool usart_link_has_input(void)
 {
     return rx_head != rx_tail;
 }
