@@ -31,8 +31,7 @@ double battery_open_v(const struct battery *battery)
 
 double battery_terminal_v(const struct battery *battery)
 {
-    const double volts =
-        battery_open_v(battery) - battery->params.resistance_ohm * battery->current_a;
+    const double volts = battery_open_v(battery) - battery->params.resistance_ohm * battery->current_a;
     return volts > 0.0 ? volts : 0.0;
 }
 

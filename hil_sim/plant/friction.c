@@ -20,8 +20,7 @@
 double friction_limit_nm(const struct plant_friction_params *params, double speed_radps)
 {
     const double ratio = speed_radps / params->stribeck_radps;
-    return params->coulomb_nm +
-           (params->breakaway_nm - params->coulomb_nm) / (1.0 + ratio * ratio);
+    return params->coulomb_nm + (params->breakaway_nm - params->coulomb_nm) / (1.0 + ratio * ratio);
 }
 
 static double sign(double value)
@@ -48,13 +47,11 @@ static bool both_stand(double left, double right, const struct friction_limits *
 }
 
 /* One rim stands: the other's speed if it really moves and the standing one is really held, else 0. */
-static double one_stands(double moving_mass, double cross, double moving_momentum,
-                         double standing_momentum, double moving_limit, double standing_limit,
-                         double twist_limit)
+static double one_stands(double moving_mass, double cross, double moving_momentum, double standing_momentum,
+                         double moving_limit, double standing_limit, double twist_limit)
 {
     const double direction = sign(moving_momentum);
-    const double speed =
-        (moving_momentum - direction * (moving_limit + twist_limit)) / moving_mass;
+    const double speed = (moving_momentum - direction * (moving_limit + twist_limit)) / moving_mass;
     if (speed * direction <= 0.0) {
         return 0.0;
     }
@@ -88,8 +85,7 @@ static double both_slide(const struct friction_mass *mass, double left, double r
 
     out->left = (mass->right * left_free - mass->cross * right_free) / determinant;
     out->right = (mass->left * right_free - mass->cross * left_free) / determinant;
-    return least(least(out->left * signs[0], out->right * signs[1]),
-                 (out->right - out->left) * signs[2]);
+    return least(least(out->left * signs[0], out->right * signs[1]), (out->right - out->left) * signs[2]);
 }
 
 struct friction_speeds friction_solve(const struct friction_mass *mass, double momentum_left,
@@ -108,13 +104,13 @@ struct friction_speeds friction_solve(const struct friction_mass *mass, double m
     if (alike != 0.0) {
         return (struct friction_speeds){alike, alike};
     }
-    const double only_left = one_stands(mass->left, mass->cross, left, right, limits->left,
-                                        limits->right, limits->twist);
+    const double only_left =
+        one_stands(mass->left, mass->cross, left, right, limits->left, limits->right, limits->twist);
     if (only_left != 0.0) {
         return (struct friction_speeds){only_left, 0.0};
     }
-    const double only_right = one_stands(mass->right, mass->cross, right, left, limits->right,
-                                         limits->left, limits->twist);
+    const double only_right =
+        one_stands(mass->right, mass->cross, right, left, limits->right, limits->left, limits->twist);
     if (only_right != 0.0) {
         return (struct friction_speeds){0.0, only_right};
     }

@@ -9,16 +9,16 @@
 
 /* Where the numbers come from is in README.md; calibrate.py finds those marked "fitted". */
 static const struct plant_wheel_params msrp_wheel = {
-    .radius_m = 0.0635,      /* Stingray kit, 5 inch wheels */
-    .inertia_kgm2 = 8e-4,    /* 0.4 kg of tyre and rim, mass towards the rim */
+    .radius_m = 0.0635,   /* Stingray kit, 5 inch wheels */
+    .inertia_kgm2 = 8e-4, /* 0.4 kg of tyre and rim, mass towards the rim */
     .motor = {.resistance_ohm = 6.0,
               .inductance_h = 2.0e-3,
-              .emf_v_per_radps = 0.0175,
-              .rotor_inertia_kgm2 = 9.0e-6,
+              .emf_v_per_radps = 0.01723,
+              .rotor_inertia_kgm2 = 7.71e-6,
               .gear_ratio = 30.0},
-    .friction = {.coulomb_nm = 0.015,
-                 .breakaway_nm = 0.03,
-                 .stribeck_radps = 2.0,
+    .friction = {.coulomb_nm = 0.0116,
+                 .breakaway_nm = 0.0977,
+                 .stribeck_radps = 1.31,
                  .viscous_nms_per_rad = 0.001},
     .encoder = {.counts_per_rev = 2400.0, .edge_error_count = 0.15},
 };
@@ -27,7 +27,7 @@ static const struct plant_params msrp = {
     .chassis = {.mass_kg = 5.0,
                 .yaw_inertia_kgm2 = 0.06,
                 .wheelbase_m = 0.283,
-                .scrub_nm = 0.08,
+                .scrub_nm = 0.0981,
                 .scrub_curvature_per_m = 0.5},
     .battery = {.full_v = 12.6,
                 .empty_v = 10.8,
@@ -52,13 +52,13 @@ struct range {
     double low, high;
 };
 
-#define WHEEL(field, low, high)                                                                    \
-    {                                                                                              \
-        #field, offsetof(struct plant_wheel_params, field), low, high                              \
+#define WHEEL(field, low, high)                                                                              \
+    {                                                                                                        \
+#field, offsetof(struct plant_wheel_params, field), low, high                                        \
     }
-#define ROBOT(field, low, high)                                                                    \
-    {                                                                                              \
-        #field, offsetof(struct plant_params, field), low, high                                    \
+#define ROBOT(field, low, high)                                                                              \
+    {                                                                                                        \
+#field, offsetof(struct plant_params, field), low, high                                              \
     }
 
 /* Bounds of what a robot that one person can carry may have; the lower ones keep the step stable. */
@@ -117,14 +117,13 @@ static const char *wheel_problem(const struct plant_wheel_params *wheel, const c
         }
     }
     if (wheel->friction.breakaway_nm < wheel->friction.coulomb_nm) {
-        (void)snprintf(problem, sizeof problem,
-                       "%sfriction.breakaway_nm is %g, below friction.coulomb_nm %g", prefix,
-                       wheel->friction.breakaway_nm, wheel->friction.coulomb_nm);
+        (void)snprintf(problem, sizeof problem, "%sfriction.breakaway_nm is %g, below friction.coulomb_nm %g",
+                       prefix, wheel->friction.breakaway_nm, wheel->friction.coulomb_nm);
         return problem;
     }
     if (wheel->encoder.counts_per_rev != floor(wheel->encoder.counts_per_rev)) {
-        (void)snprintf(problem, sizeof problem, "%sencoder.counts_per_rev is %g, not a whole number",
-                       prefix, wheel->encoder.counts_per_rev);
+        (void)snprintf(problem, sizeof problem, "%sencoder.counts_per_rev is %g, not a whole number", prefix,
+                       wheel->encoder.counts_per_rev);
         return problem;
     }
     return NULL;
@@ -139,8 +138,35 @@ static bool battery_too_soft(const struct plant_params *params, int wheel, const
     }
     (void)snprintf(problem, sizeof problem,
                    "battery.resistance_ohm is %g, above 0.4 times %smotor.resistance_ohm %g",
-                   params->battery.resistance_ohm, prefix,
-                   params->wheel[wheel].motor.resistance_ohm);
+                   params->battery.resistance_ohm, prefix, params->wheel[wheel].motor.resistance_ohm);
+    return true;
+}
+
+/* The back-EMF of a step is that of its beginning (plant.c). That stays stable, and makes no energy, while a
+   wheel's back-EMF takes less than half of its speed within one step, whether resistance or inductance
+   limits the current that does it. The least mass that a rim can feel is that of driving straight or of
+   turning on the spot. */
+static bool motor_too_strong(const struct plant_params *params, int wheel, const char *prefix)
+{
+    const double step_s = PLANT_STEP_US * 1e-6;
+    const struct plant_wheel_params *part = &params->wheel[wheel];
+    const struct plant_motor_params *motor = &part->motor;
+    const double radius_m = part->radius_m;
+    const double turning =
+        part->inertia_kgm2 + motor->gear_ratio * motor->gear_ratio * motor->rotor_inertia_kgm2;
+    const double wheelbase_m = params->chassis.wheelbase_m;
+    const double forward_kg = params->chassis.mass_kg / 2.0;
+    const double yaw_kg = 2.0 * params->chassis.yaw_inertia_kgm2 / (wheelbase_m * wheelbase_m);
+    const double least_kg = fmin(forward_kg, yaw_kg) + turning / (radius_m * radius_m);
+    const double emf_per_speed = motor->emf_v_per_radps * motor->gear_ratio / radius_m;
+    const double admittance = fmin(1.0 / motor->resistance_ohm, step_s / motor->inductance_h);
+
+    if (emf_per_speed * emf_per_speed * admittance * step_s < 0.5 * least_kg) {
+        return false;
+    }
+    (void)snprintf(problem, sizeof problem,
+                   "%smotor.emf_v_per_radps is %g, too strong for the inertia behind gear_ratio %g", prefix,
+                   motor->emf_v_per_radps, motor->gear_ratio);
     return true;
 }
 
@@ -158,7 +184,7 @@ const char *plant_params_problem(const struct plant_params *params)
     }
     for (int i = 0; i < PLANT_WHEELS; i++) {
         if (wheel_problem(&params->wheel[i], prefixes[i]) != NULL ||
-            battery_too_soft(params, i, prefixes[i])) {
+            battery_too_soft(params, i, prefixes[i]) || motor_too_strong(params, i, prefixes[i])) {
             return problem;
         }
     }

@@ -49,8 +49,7 @@ struct plant *plant_create(const struct plant_params *params, uint64_t seed)
     for (int i = 0; i < PLANT_WHEELS; i++) {
         const struct plant_wheel_params *wheel = &params->wheel[i];
         motor_init(&plant->motor[i], &wheel->motor, &params->bridge);
-        plant->emf_per_speed[i] =
-            wheel->motor.emf_v_per_radps * wheel->motor.gear_ratio / wheel->radius_m;
+        plant->emf_per_speed[i] = wheel->motor.emf_v_per_radps * wheel->motor.gear_ratio / wheel->radius_m;
     }
     return plant;
 }
@@ -122,14 +121,12 @@ int64_t plant_encoder_position(const struct plant *plant, int wheel)
     if (!is_wheel(wheel)) {
         return 0;
     }
-    return sensor_count(&plant->params.wheel[wheel].encoder, plant->seed, wheel,
-                        plant->angle_rad[wheel]);
+    return sensor_count(&plant->params.wheel[wheel].encoder, plant->seed, wheel, plant->angle_rad[wheel]);
 }
 
 double plant_battery_v(const struct plant *plant)
 {
-    const double noise =
-        sensor_noise(plant->seed, plant->steps, plant->params.battery.sense_noise_v);
+    const double noise = sensor_noise(plant->seed, plant->steps, plant->params.battery.sense_noise_v);
     const double volts = battery_terminal_v(&plant->battery) + noise;
     return volts > 0.0 ? volts : 0.0;
 }
@@ -138,8 +135,8 @@ static double kinetic_energy_j(const struct plant *plant)
 {
     const struct friction_mass *mass = &plant->chassis.mass;
     const struct friction_speeds *rims = &plant->rims;
-    return 0.5 * mass->left * rims->left * rims->left +
-           0.5 * mass->right * rims->right * rims->right + mass->cross * rims->left * rims->right;
+    return 0.5 * mass->left * rims->left * rims->left + 0.5 * mass->right * rims->right * rims->right +
+           mass->cross * rims->left * rims->right;
 }
 
 void plant_state(const struct plant *plant, struct plant_state *out)
@@ -165,7 +162,6 @@ void plant_state(const struct plant *plant, struct plant_state *out)
         const double current_a = plant->motor[i].current_a;
         out->wheel_angle_rad[i] = plant->angle_rad[i];
         out->motor_current_a[i] = current_a;
-        out->magnetic_energy_j +=
-            0.5 * plant->params.wheel[i].motor.inductance_h * current_a * current_a;
+        out->magnetic_energy_j += 0.5 * plant->params.wheel[i].motor.inductance_h * current_a * current_a;
     }
 }

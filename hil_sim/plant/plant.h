@@ -47,21 +47,21 @@ struct plant_wheel_params {
 };
 
 struct plant_chassis_params {
-    double mass_kg;          /* everything, wheels included */
-    double yaw_inertia_kgm2; /* everything, about the vertical through the middle of the axle */
-    double wheelbase_m;      /* distance between the wheels' contact points */
-    double scrub_nm;         /* yaw moment of tyres and caster that are twisted on the spot */
+    double mass_kg;               /* everything, wheels included */
+    double yaw_inertia_kgm2;      /* everything, about the vertical through the middle of the axle */
+    double wheelbase_m;           /* distance between the wheels' contact points */
+    double scrub_nm;              /* yaw moment of tyres and caster that are twisted on the spot */
     double scrub_curvature_per_m; /* path curvature above which the rolling contacts slide as on the spot */
 };
 
 struct plant_battery_params {
-    double full_v;             /* open circuit, state of charge 1 */
-    double empty_v;            /* open circuit, state of charge 0 */
+    double full_v;  /* open circuit, state of charge 1 */
+    double empty_v; /* open circuit, state of charge 0 */
     double capacity_ah;
-    double initial_charge;     /* state of charge at creation, 0..1 */
-    double resistance_ohm;     /* cells, fuse and leads up to the bridges */
-    double electronics_a;      /* current of everything but the motors */
-    double sense_noise_v;      /* largest error of the sensed voltage, seeded, uniform */
+    double initial_charge; /* state of charge at creation, 0..1 */
+    double resistance_ohm; /* cells, fuse and leads up to the bridges */
+    double electronics_a;  /* current of everything but the motors */
+    double sense_noise_v;  /* largest error of the sensed voltage, seeded, uniform */
 };
 
 struct plant_bridge_params {
@@ -105,7 +105,8 @@ struct plant *plant_create(const struct plant_params *params, uint64_t seed);
 void plant_destroy(struct plant *plant);
 
 /* Fraction of the PWM period for which each input of the wheel's bridge is high, from the period's
-   beginning: both high brakes, both low leaves the motor to the diodes. Clamped to 0..1; holds from the next step. */
+   beginning: both high brakes, both low leaves the motor to the diodes. Clamped to 0..1; holds from the next
+   step. */
 void plant_set_bridge(struct plant *plant, int wheel, double in1_duty, double in2_duty);
 
 /* Steps of PLANT_STEP_US each; how a span is split into calls changes nothing. */

@@ -10,7 +10,8 @@
 
 static const double radians_per_turn = 6.283185307179586;
 
-/* A well mixed word from a seed and an index: the finaliser of MurmurHash3 (Appleby, public domain), twice. */
+/* A well mixed word from a seed and an index: the finaliser of MurmurHash3 (Appleby, public domain), twice.
+ */
 static uint64_t mix(uint64_t seed, uint64_t index)
 {
     uint64_t word = seed ^ (index * UINT64_C(0x9E3779B97F4A7C15));
@@ -38,8 +39,7 @@ static double edge(const struct plant_encoder_params *params, uint64_t seed, int
     return (double)count - 0.5 + params->edge_error_count * uniform(seed, index);
 }
 
-int64_t sensor_count(const struct plant_encoder_params *params, uint64_t seed, int wheel,
-                     double angle_rad)
+int64_t sensor_count(const struct plant_encoder_params *params, uint64_t seed, int wheel, double angle_rad)
 {
     const double exact = angle_rad * (params->counts_per_rev / radians_per_turn);
     const int64_t nearest = (int64_t)floor(exact + 0.5);

@@ -5,8 +5,7 @@
 #include "plant.h"
 
 /* Quadrature count at a wheel angle, on a disc whose edges are misplaced as the seed says. */
-int64_t sensor_count(const struct plant_encoder_params *params, uint64_t seed, int wheel,
-                     double angle_rad);
+int64_t sensor_count(const struct plant_encoder_params *params, uint64_t seed, int wheel, double angle_rad);
 
 /* An error between -largest and largest that depends on seed and step alone. */
 double sensor_noise(uint64_t seed, uint64_t step, double largest);
