@@ -1,0 +1,50 @@
+/* The whole controller, for the target's main: one static struct, init once, tick every millisecond, poll for
+ * ever. */
+#ifndef CONTROLLER_H
+#define CONTROLLER_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "frame.h"
+#include "hal.h"
+#include "link.h"
+#include "robot.h"
+
+enum { CONTROLLER_TICK_HZ = 1000 };
+
+/* The last changing request with its reply: when the same frame comes again, the reply was lost. */
+struct reply_cache {
+    bool valid;
+    uint8_t request_id;
+    uint16_t sequence;
+    uint32_t crc;
+    uint8_t reply_id;
+    uint8_t length;
+    uint8_t reply[16]; /* the replies of changing requests are short */
+};
+
+struct controller {
+    struct robot robot;
+    struct link link;
+    struct hal_identity identity;
+    struct reply_cache cache;
+    struct frame pending; /* received, waits for room for its reply */
+    bool is_pending;
+    uint32_t fed_at_ms; /* the tick at which the watchdog was last fed */
+    uint8_t reply[PROTO_MAX_PAYLOAD];
+};
+
+/* Before the tick interrupt is enabled. */
+void controller_init(struct controller *controller);
+
+/* Exactly every millisecond, from the tick interrupt. Constant work. */
+void controller_tick(struct controller *controller);
+
+/* From the main loop, as often as possible. Feeds the watchdog as long as ticks go on. */
+void controller_poll(struct controller *controller);
+
+/* From the tick interrupt's handler, when the next tick was due before this one had ended. */
+void controller_note_overrun(struct controller *controller);
+
+#endif

@@ -1,0 +1,79 @@
+/* From commands to the effort that the bridges apply: effort mode, velocity mode, braked. */
+#include "drive.h"
+
+#include "proto.h"
+#include "rounding.h"
+
+static const float effort_to_e4 = 10000.0f;
+
+void drive_init(struct drive *drive)
+{
+    *drive = (struct drive){.mode = PROTO_MODE_IDLE, .braked_ms = DRIVE_AT_REST_MS};
+}
+
+void drive_command(struct drive *drive, uint8_t mode, float left, float right)
+{
+    if (mode == PROTO_MODE_VELOCITY && drive->mode != PROTO_MODE_VELOCITY) {
+        drive->take_over = true;
+    }
+    drive->mode = mode;
+    drive->command[0] = left;
+    drive->command[1] = right;
+}
+
+void drive_brake(struct drive *drive)
+{
+    static const int16_t none[HAL_WHEELS] = {0, 0};
+    drive_command(drive, PROTO_MODE_IDLE, 0.0f, 0.0f);
+    for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        drive->applied_e4[wheel] = 0;
+    }
+    hal_drive(none);
+}
+
+static float wheel_effort(struct drive *drive, const struct tuning *tuning, int wheel, float speed_mps,
+                          bool still)
+{
+    switch (drive->mode) {
+    case PROTO_MODE_EFFORT:
+        return drive->command[wheel];
+    case PROTO_MODE_VELOCITY:
+        if (drive->take_over) {
+            /* The effort of the moment before is kept as the slew limit's starting point: no jolt. */
+            const float effort = (float)drive->applied_e4[wheel] / effort_to_e4;
+            velocity_control_reset(&drive->control[wheel], speed_mps, effort);
+        }
+        return velocity_control_step(&drive->control[wheel], &tuning->gains[wheel], drive->command[wheel],
+                                     speed_mps, still);
+    default:
+        return 0.0f;
+    }
+}
+
+void drive_step(struct drive *drive, const struct tuning *tuning, const float speed_mps[HAL_WHEELS],
+                const bool still[HAL_WHEELS])
+{
+    int16_t pins_e4[HAL_WHEELS];
+    bool braked = true;
+    for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        const float effort = clampf(wheel_effort(drive, tuning, wheel, speed_mps[wheel], still[wheel]),
+                                    -tuning->effort_limit, tuning->effort_limit);
+        const int16_t effort_e4 = (int16_t)round_to_i32(effort * effort_to_e4);
+        drive->applied_e4[wheel] = effort_e4;
+        pins_e4[wheel] = (int16_t)(tuning->motor_reversed[wheel] ? -effort_e4 : effort_e4);
+        braked = braked && effort_e4 == 0;
+    }
+    drive->take_over = false;
+    if (!braked) {
+        drive->braked_ms = 0;
+    } else if (drive->braked_ms < DRIVE_AT_REST_MS) {
+        drive->braked_ms++;
+    }
+    hal_drive(pins_e4);
+}
+
+int16_t drive_logged_command(const struct drive *drive, int wheel)
+{
+    const float unit = drive->mode == PROTO_MODE_VELOCITY ? 1000.0f : effort_to_e4;
+    return saturate_i16(round_to_i32(clampf(drive->command[wheel] * unit, -32768.0f, 32767.0f)));
+}

@@ -1,0 +1,420 @@
+/* Requests from the host: each is checked, carried out or refused by name, and answered with one frame. */
+#include "requests.h"
+
+#include <string.h>
+
+#include "requests_log.h"
+
+#ifndef TRUING_BOARD_NAME
+#define TRUING_BOARD_NAME "host"
+#endif
+#ifndef TRUING_FIRMWARE_VERSION
+#define TRUING_FIRMWARE_VERSION "0"
+#endif
+
+/* Handlers see a payload and write one; the frame around both is the dispatcher's business. */
+typedef struct refusal handler(struct controller *controller, const struct frame *request,
+                               struct reply *reply);
+
+struct entry {
+    uint8_t id;
+    bool bulk; /* the reply may fill a whole frame */
+    handler *handle;
+};
+
+static struct refusal bad_length(const struct frame *request)
+{
+    return refused(PROTO_REFUSAL_REASON_BAD_LENGTH, (uint32_t)request->payload_length);
+}
+
+static struct refusal expect_empty(const struct frame *request)
+{
+    return request->payload_length == 0 ? accepted() : bad_length(request);
+}
+
+/* RM0090 section 7.3.21: the flags stay set until cleared, and a power-on sets the brown-out and pin flags as
+ * well. */
+static uint8_t reset_cause_of(uint8_t rcc_csr_31_24)
+{
+    static const struct {
+        uint8_t flag;
+        uint8_t cause;
+    } causes[] = {
+        {1u << 3, PROTO_RESET_CAUSE_POWER_ON},  /* PORRSTF */
+        {1u << 5, PROTO_RESET_CAUSE_WATCHDOG},  /* IWDGRSTF */
+        {1u << 6, PROTO_RESET_CAUSE_WATCHDOG},  /* WWDGRSTF */
+        {1u << 7, PROTO_RESET_CAUSE_LOW_POWER}, /* LPWRRSTF */
+        {1u << 4, PROTO_RESET_CAUSE_SOFTWARE},  /* SFTRSTF */
+        {1u << 1, PROTO_RESET_CAUSE_BROWN_OUT}, /* BORRSTF */
+        {1u << 2, PROTO_RESET_CAUSE_PIN},       /* PINRSTF */
+    };
+    for (size_t i = 0; i < sizeof causes / sizeof causes[0]; i++) {
+        if ((rcc_csr_31_24 & causes[i].flag) != 0) {
+            return causes[i].cause;
+        }
+    }
+    return PROTO_RESET_CAUSE_UNKNOWN;
+}
+
+static uint8_t clock_source_of(const struct hal_identity *identity)
+{
+    enum { RC_OSCILLATOR_HZ = 16000000 };
+    if (!identity->clock_fallback) {
+        return PROTO_CLOCK_SOURCE_CRYSTAL_PLL;
+    }
+    return identity->core_hz > RC_OSCILLATOR_HZ ? PROTO_CLOCK_SOURCE_INTERNAL_PLL
+                                                : PROTO_CLOCK_SOURCE_INTERNAL;
+}
+
+/* The first 6 bytes of a hello never change; a later version may send more. */
+static struct refusal answer_hello(struct controller *controller, const struct frame *request,
+                                   struct reply *reply)
+{
+    if (request->payload_length < PROTO_HELLO_REQUEST_SIZE) {
+        return bad_length(request);
+    }
+    /* A host that greets has started anew: its sequence numbers may meet those of the host before. */
+    controller->cache.valid = false;
+    const struct hal_identity *const identity = &controller->identity;
+    struct proto_hello_reply out = {
+        .protocol_version = PROTO_VERSION,
+        .schema_hash = PROTO_SCHEMA_HASH,
+        .boot_id = identity->boot_id,
+        .firmware_version = TRUING_FIRMWARE_VERSION,
+        .board_name = TRUING_BOARD_NAME,
+        .tick_hz = CONTROLLER_TICK_HZ,
+        .max_payload = PROTO_MAX_PAYLOAD,
+        .max_segments = PROTO_MAX_SEGMENTS,
+        .parameter_count = PROTO_PARAMETER_COUNT,
+        .log_block_size = PROTO_LOG_BLOCK_SIZE,
+        .log_block_count = PROTO_LOG_BLOCK_COUNT,
+        .reset_cause = reset_cause_of(identity->reset_cause),
+        .clock_source = clock_source_of(identity),
+    };
+    memcpy(out.board_id, identity->board_id, sizeof out.board_id);
+    reply->length = proto_hello_reply_encode(&out, reply->bytes, reply->capacity);
+    return accepted();
+}
+
+static struct refusal answer_status(struct controller *controller, const struct frame *request,
+                                    struct reply *reply)
+{
+    struct proto_status_reply out;
+    robot_status(&controller->robot, &out);
+    out.frames_dropped = controller->link.decoder.dropped;
+    reply->length = proto_status_reply_encode(&out, reply->bytes, reply->capacity);
+    return expect_empty(request);
+}
+
+static struct refusal answer_clear_faults(struct controller *controller, const struct frame *request,
+                                          struct reply *reply)
+{
+    (void)reply;
+    const struct refusal verdict = expect_empty(request);
+    return verdict.reason != REFUSAL_NONE ? verdict : robot_clear_faults(&controller->robot);
+}
+
+static struct refusal answer_param_list(struct controller *controller, const struct frame *request,
+                                        struct reply *reply)
+{
+    struct proto_param_list_request in;
+    if (!proto_param_list_request_decode(&in, request->payload, request->payload_length)) {
+        return bad_length(request);
+    }
+    if (in.index >= PROTO_PARAMETER_COUNT) {
+        return refused(PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER, in.index);
+    }
+    const struct proto_parameter_info *const info = &proto_parameters[in.index];
+    struct proto_param_list_reply out = {
+        .index = in.index,
+        .kind = info->kind,
+        .minimum = info->minimum,
+        .maximum = info->maximum,
+        .default_value = info->default_value,
+        .value = controller->robot.parameters.values[in.index],
+    };
+    strncpy(out.name, info->name, sizeof out.name - 1);
+    strncpy(out.unit, info->unit, sizeof out.unit - 1);
+    reply->length = proto_param_list_reply_encode(&out, reply->bytes, reply->capacity);
+    return accepted();
+}
+
+static struct refusal answer_param_get(struct controller *controller, const struct frame *request,
+                                       struct reply *reply)
+{
+    struct proto_param_get_request in;
+    if (!proto_param_get_request_decode(&in, request->payload, request->payload_length)) {
+        return bad_length(request);
+    }
+    if (in.index >= PROTO_PARAMETER_COUNT) {
+        return refused(PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER, in.index);
+    }
+    const struct proto_param_get_reply out = {
+        .index = in.index,
+        .value = controller->robot.parameters.values[in.index],
+    };
+    reply->length = proto_param_get_reply_encode(&out, reply->bytes, reply->capacity);
+    return accepted();
+}
+
+static struct refusal answer_param_set(struct controller *controller, const struct frame *request,
+                                       struct reply *reply)
+{
+    struct proto_param_set_request in;
+    if (!proto_param_set_request_decode(&in, request->payload, request->payload_length)) {
+        return bad_length(request);
+    }
+    const struct refusal verdict = robot_set_parameter(&controller->robot, in.index, in.value);
+    if (verdict.reason == REFUSAL_NONE) {
+        const struct proto_param_set_reply out = {
+            .index = in.index,
+            .value = controller->robot.parameters.values[in.index],
+        };
+        reply->length = proto_param_set_reply_encode(&out, reply->bytes, reply->capacity);
+    }
+    return verdict;
+}
+
+/* The tick reads the segments while a sequence runs; then they must not change. */
+static struct refusal may_upload(const struct controller *controller)
+{
+    const uint8_t state = controller->robot.supervisor.state;
+    return state == PROTO_STATE_SEQUENCE ? refused(PROTO_REFUSAL_REASON_WRONG_STATE, state) : accepted();
+}
+
+static struct refusal answer_seq_begin(struct controller *controller, const struct frame *request,
+                                       struct reply *reply)
+{
+    (void)reply;
+    struct proto_seq_begin_request in;
+    if (!proto_seq_begin_request_decode(&in, request->payload, request->payload_length)) {
+        return bad_length(request);
+    }
+    const struct refusal verdict = may_upload(controller);
+    return verdict.reason != REFUSAL_NONE
+               ? verdict
+               : sequence_begin(&controller->robot.sequence, in.segment_count, in.log_rate_hz);
+}
+
+static struct refusal answer_seq_segments(struct controller *controller, const struct frame *request,
+                                          struct reply *reply)
+{
+    (void)reply;
+    struct proto_seq_segments_request in;
+    if (!proto_seq_segments_request_decode(&in, request->payload, request->payload_length) ||
+        in.segments_count == 0) {
+        return bad_length(request);
+    }
+    const struct refusal verdict = may_upload(controller);
+    return verdict.reason != REFUSAL_NONE
+               ? verdict
+               : sequence_append(&controller->robot.sequence, &controller->robot.tuning, in.first,
+                                 in.segments, in.segments_count);
+}
+
+static struct refusal answer_seq_commit(struct controller *controller, const struct frame *request,
+                                        struct reply *reply)
+{
+    struct proto_seq_commit_request in;
+    if (!proto_seq_commit_request_decode(&in, request->payload, request->payload_length)) {
+        return bad_length(request);
+    }
+    struct refusal verdict = may_upload(controller);
+    if (verdict.reason == REFUSAL_NONE) {
+        verdict = sequence_commit(&controller->robot.sequence, in.crc32);
+    }
+    if (verdict.reason == REFUSAL_NONE) {
+        const struct proto_seq_commit_reply out = {.duration_ms = controller->robot.sequence.duration_ms};
+        reply->length = proto_seq_commit_reply_encode(&out, reply->bytes, reply->capacity);
+    }
+    return verdict;
+}
+
+static struct refusal answer_seq_start(struct controller *controller, const struct frame *request,
+                                       struct reply *reply)
+{
+    struct proto_seq_start_request in;
+    struct proto_seq_start_reply out = {0};
+    if (!proto_seq_start_request_decode(&in, request->payload, request->payload_length)) {
+        return bad_length(request);
+    }
+    const struct refusal verdict = robot_start_sequence(&controller->robot, in.crc32, &out.log_id);
+    if (verdict.reason == REFUSAL_NONE) {
+        reply->length = proto_seq_start_reply_encode(&out, reply->bytes, reply->capacity);
+    }
+    return verdict;
+}
+
+static struct refusal answer_seq_abort(struct controller *controller, const struct frame *request,
+                                       struct reply *reply)
+{
+    (void)reply;
+    const struct refusal verdict = expect_empty(request);
+    if (verdict.reason == REFUSAL_NONE) {
+        robot_stop(&controller->robot);
+        sequence_forget_upload(&controller->robot.sequence);
+    }
+    return verdict;
+}
+
+static struct refusal answer_seq_state(struct controller *controller, const struct frame *request,
+                                       struct reply *reply)
+{
+    struct proto_seq_state_reply out;
+    robot_sequence_state(&controller->robot, &out);
+    reply->length = proto_seq_state_reply_encode(&out, reply->bytes, reply->capacity);
+    return expect_empty(request);
+}
+
+static struct refusal answer_log_list(struct controller *controller, const struct frame *request,
+                                      struct reply *reply)
+{
+    return requests_log_list(&controller->robot.log, request, reply);
+}
+
+static struct refusal answer_log_read(struct controller *controller, const struct frame *request,
+                                      struct reply *reply)
+{
+    return requests_log_read(&controller->robot.log, request, reply);
+}
+
+static struct refusal answer_log_digest(struct controller *controller, const struct frame *request,
+                                        struct reply *reply)
+{
+    return requests_log_digest(&controller->robot.log, request, reply);
+}
+
+static struct refusal answer_log_erase(struct controller *controller, const struct frame *request,
+                                       struct reply *reply)
+{
+    (void)reply;
+    const struct refusal verdict = expect_empty(request);
+    if (verdict.reason != REFUSAL_NONE) {
+        return verdict;
+    }
+    /* A log that was asked for but waits for its first tick counts as being written. */
+    const bool free = !controller->robot.recorder.opening && log_erase(&controller->robot.log);
+    return free ? accepted() : refused(PROTO_REFUSAL_REASON_LOG_BUSY, 0);
+}
+
+static struct refusal answer_set_effort(struct controller *controller, const struct frame *request,
+                                        struct reply *reply)
+{
+    (void)reply;
+    struct proto_set_effort_request in;
+    if (!proto_set_effort_request_decode(&in, request->payload, request->payload_length)) {
+        return bad_length(request);
+    }
+    return robot_drive(&controller->robot, PROTO_SEGMENT_KIND_EFFORT, in.left, in.right);
+}
+
+static struct refusal answer_set_velocity(struct controller *controller, const struct frame *request,
+                                          struct reply *reply)
+{
+    (void)reply;
+    struct proto_set_velocity_request in;
+    if (!proto_set_velocity_request_decode(&in, request->payload, request->payload_length)) {
+        return bad_length(request);
+    }
+    return robot_drive(&controller->robot, PROTO_SEGMENT_KIND_VELOCITY, in.left, in.right);
+}
+
+/* Whatever a stop carries, it stops. */
+static struct refusal answer_stop(struct controller *controller, const struct frame *request,
+                                  struct reply *reply)
+{
+    (void)request;
+    (void)reply;
+    robot_stop(&controller->robot);
+    return accepted();
+}
+
+static const struct entry entries[] = {
+    {PROTO_ID_HELLO, false, answer_hello},
+    {PROTO_ID_STATUS, false, answer_status},
+    {PROTO_ID_CLEAR_FAULTS, false, answer_clear_faults},
+    {PROTO_ID_PARAM_LIST, false, answer_param_list},
+    {PROTO_ID_PARAM_GET, false, answer_param_get},
+    {PROTO_ID_PARAM_SET, false, answer_param_set},
+    {PROTO_ID_SEQ_BEGIN, false, answer_seq_begin},
+    {PROTO_ID_SEQ_SEGMENTS, false, answer_seq_segments},
+    {PROTO_ID_SEQ_COMMIT, false, answer_seq_commit},
+    {PROTO_ID_SEQ_START, false, answer_seq_start},
+    {PROTO_ID_SEQ_ABORT, false, answer_seq_abort},
+    {PROTO_ID_SEQ_STATE, false, answer_seq_state},
+    {PROTO_ID_LOG_LIST, true, answer_log_list},
+    {PROTO_ID_LOG_READ, true, answer_log_read},
+    {PROTO_ID_LOG_DIGEST, false, answer_log_digest},
+    {PROTO_ID_LOG_ERASE, false, answer_log_erase},
+    {PROTO_ID_SET_EFFORT, false, answer_set_effort},
+    {PROTO_ID_SET_VELOCITY, false, answer_set_velocity},
+    {PROTO_ID_STOP, false, answer_stop},
+};
+
+_Static_assert(PROTO_HELLO_REPLY_SIZE + FRAME_MAX_CODED - PROTO_MAX_PAYLOAD + 1 <= LINK_SMALL_FRAME,
+               "the longest short reply fits the room that is asked for");
+
+static const struct entry *find(uint8_t id)
+{
+    for (size_t i = 0; i < sizeof entries / sizeof entries[0]; i++) {
+        if (entries[i].id == id) {
+            return &entries[i];
+        }
+    }
+    return NULL;
+}
+
+size_t requests_reply_size(uint8_t id)
+{
+    const struct entry *const entry = find(id);
+    return entry != NULL && entry->bulk ? LINK_LARGEST_FRAME : LINK_SMALL_FRAME;
+}
+
+static bool is_repeated(const struct reply_cache *cache, const struct frame *request)
+{
+    return cache->valid && cache->request_id == request->id && cache->sequence == request->sequence &&
+           cache->crc == request->crc;
+}
+
+static void remember(struct reply_cache *cache, const struct frame *request, uint8_t reply_id,
+                     const struct reply *reply)
+{
+    cache->valid = reply->length <= sizeof cache->reply;
+    if (cache->valid) {
+        cache->request_id = request->id;
+        cache->sequence = request->sequence;
+        cache->crc = request->crc;
+        cache->reply_id = reply_id;
+        cache->length = (uint8_t)reply->length;
+        memcpy(cache->reply, reply->bytes, reply->length);
+    }
+}
+
+void requests_answer(struct controller *controller, const struct frame *request)
+{
+    struct reply_cache *const cache = &controller->cache;
+    /* A stop is carried out however often it comes. */
+    if (request->id != PROTO_ID_STOP && is_repeated(cache, request)) {
+        link_send(&controller->link, cache->reply_id, request->sequence, cache->reply, cache->length);
+        return;
+    }
+
+    struct reply reply = {.bytes = controller->reply, .capacity = sizeof controller->reply, .length = 0};
+    const struct entry *const entry = find(request->id);
+    const struct refusal verdict = entry != NULL ? entry->handle(controller, request, &reply)
+                                                 : refused(PROTO_REFUSAL_REASON_UNKNOWN_REQUEST, request->id);
+    uint8_t reply_id = (uint8_t)(request->id | PROTO_REPLY_BIT);
+    if (verdict.reason != REFUSAL_NONE) {
+        const struct proto_refusal out = {
+            .request_id = request->id,
+            .reason = verdict.reason,
+            .detail = verdict.detail,
+        };
+        reply_id = PROTO_ID_REFUSAL;
+        reply.length = proto_refusal_encode(&out, reply.bytes, reply.capacity);
+    }
+    if (proto_id_changes(request->id)) {
+        remember(cache, request, reply_id, &reply);
+    }
+    link_send(&controller->link, reply_id, request->sequence, reply.bytes, reply.length);
+}

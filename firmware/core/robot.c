@@ -1,0 +1,278 @@
+/* The robot as the control tick drives it: senses, odometry, drive, sequence, recorder and supervisor
+ * together. */
+#include "robot.h"
+
+#include <string.h>
+
+#include "proto.h"
+#include "rounding.h"
+
+void robot_init(struct robot *robot, bool clock_fallback)
+{
+    parameters_set_defaults(&robot->parameters);
+    tuning_from_parameters(&robot->tuning, &robot->parameters);
+    hal_sense(&robot->sample);
+    for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        robot->counts[wheel] = 0;
+        wheel_speed_init(&robot->wheels[wheel], 0);
+    }
+    robot->odometry = (struct odometry){0};
+    drive_init(&robot->drive);
+    memset(&robot->sequence, 0, sizeof robot->sequence); /* state EMPTY is 0 */
+    recorder_init(&robot->recorder);
+    supervisor_init(&robot->supervisor, clock_fallback);
+    robot->view = (struct supervisor_view){.still = {true, true}};
+    robot->now_ms = 0;
+    log_init(&robot->log);
+}
+
+/* Counts, speeds and pose of this tick. */
+static void sense(struct robot *robot)
+{
+    const struct hal_sample before = robot->sample;
+    int32_t moved[HAL_WHEELS];
+    hal_sense(&robot->sample);
+    for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        const int32_t now = robot->sample.counts[wheel];
+        const int32_t then = before.counts[wheel];
+        moved[wheel] = robot->tuning.encoder_reversed[wheel] ? wrapped_difference(then, now)
+                                                             : wrapped_difference(now, then);
+        robot->counts[wheel] = wrapped_sum(robot->counts[wheel], moved[wheel]);
+        wheel_speed_step(&robot->wheels[wheel], robot->counts[wheel]);
+        robot->view.speed_mps[wheel] = wheel_speed_mps(&robot->wheels[wheel], robot->tuning.metres_per_count);
+        robot->view.still[wheel] = wheel_speed_is_still(&robot->wheels[wheel]);
+    }
+    odometry_step(&robot->odometry, &robot->tuning.geometry, moved[0], moved[1]);
+    robot->view.at_rest = robot->drive.braked_ms >= DRIVE_AT_REST_MS;
+    robot->view.battery_mv = robot->sample.battery_mv;
+    robot->view.battery_valid = robot->sample.battery_valid;
+}
+
+/* What a record says of mode and command: those in force up to now. */
+static void view_command(const struct robot *robot, struct recorder_view *view)
+{
+    view->record.mode = robot->drive.mode;
+    view->record.segment =
+        robot->supervisor.state == PROTO_STATE_SEQUENCE ? robot->sequence.current : (uint16_t)0;
+    view->record.cmd_left = drive_logged_command(&robot->drive, 0);
+    view->record.cmd_right = drive_logged_command(&robot->drive, 1);
+}
+
+static void view_sensors(const struct robot *robot, struct recorder_view *view)
+{
+    view->now_ms = robot->now_ms;
+    view->metres_per_count = robot->tuning.metres_per_count;
+    for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        view->counts[wheel] = robot->counts[wheel];
+    }
+    view->record.faults = robot->supervisor.active | robot->supervisor.latched;
+    view->record.x_mm = odometry_x_mm(&robot->odometry);
+    view->record.y_mm = odometry_y_mm(&robot->odometry);
+    view->record.theta_e4 = odometry_theta_e4(&robot->odometry);
+    view->record.battery_10mv =
+        (uint16_t)(robot->sample.battery_valid ? (robot->sample.battery_mv + 5u) / 10u : 0u);
+}
+
+static void command_segment(struct robot *robot)
+{
+    const struct wheel_command command = sequence_command(&robot->sequence, &robot->tuning);
+    drive_command(&robot->drive, command.mode, command.left, command.right);
+}
+
+static void step_sequence(struct robot *robot)
+{
+    switch (sequence_step(&robot->sequence)) {
+    case SEQUENCE_NEXT_SEGMENT:
+        command_segment(robot);
+        break;
+    case SEQUENCE_FINISHED:
+        drive_command(&robot->drive, PROTO_MODE_IDLE, 0.0f, 0.0f);
+        robot->supervisor.state = PROTO_STATE_IDLE;
+        recorder_finish(&robot->recorder, PROTO_LOG_END_FINISHED);
+        break;
+    case SEQUENCE_GOES_ON:
+    default:
+        break;
+    }
+}
+
+void robot_tick(struct robot *robot)
+{
+    struct recorder_view view = {0};
+    robot->now_ms = robot->now_ms + 1u;
+    sense(robot);
+    recorder_pass(&robot->recorder, robot->drive.applied_e4);
+    const bool start = robot->recorder.opening; /* this tick is time zero of a drive */
+    view_command(robot, &view);                 /* before the sequence goes on to its next segment */
+
+    if (supervisor_step(&robot->supervisor, &robot->tuning, &robot->view)) {
+        drive_brake(&robot->drive);
+        sequence_abort(&robot->sequence);
+        recorder_finish(&robot->recorder, PROTO_LOG_END_FAULT);
+    } else if (robot->supervisor.state == PROTO_STATE_SEQUENCE && !start) {
+        step_sequence(robot);
+    }
+
+    if (recorder_due(&robot->recorder)) {
+        view_sensors(robot, &view);
+        recorder_write(&robot->recorder, &robot->log, &view);
+    }
+    if (start) {
+        robot->odometry = (struct odometry){0};
+        view_sensors(robot, &view);
+        recorder_open(&robot->recorder, &robot->log, &view);
+    }
+    drive_step(&robot->drive, &robot->tuning, robot->view.speed_mps, robot->view.still);
+}
+
+static void end_drive(struct robot *robot)
+{
+    drive_brake(&robot->drive);
+    sequence_abort(&robot->sequence);
+    recorder_finish(&robot->recorder, PROTO_LOG_END_STOPPED);
+    if (supervisor_is_moving(&robot->supervisor)) {
+        robot->supervisor.state = PROTO_STATE_IDLE;
+    }
+}
+
+void robot_stop(struct robot *robot)
+{
+    const uint32_t state = hal_critical_enter();
+    end_drive(robot);
+    hal_critical_exit(state);
+}
+
+/* Leave to begin moving, from idle. */
+static struct refusal may_begin(const struct robot *robot, bool from_rest)
+{
+    if (robot->supervisor.state == PROTO_STATE_STOPPED) {
+        return refused(PROTO_REFUSAL_REASON_FAULT_LATCHED, robot->supervisor.latched);
+    }
+    if (robot->supervisor.state != PROTO_STATE_IDLE) {
+        return refused(PROTO_REFUSAL_REASON_WRONG_STATE, robot->supervisor.state);
+    }
+    const uint32_t unfit = supervisor_self_check(&robot->supervisor, &robot->tuning, &robot->view, from_rest);
+    return unfit == 0 ? accepted() : refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, unfit);
+}
+
+struct refusal robot_drive(struct robot *robot, uint8_t kind, float left, float right)
+{
+    struct wheel_command command;
+    struct refusal verdict = command_check(&robot->tuning, kind, left, right, &command);
+    if (verdict.reason != REFUSAL_NONE) {
+        return verdict;
+    }
+    const uint32_t state = hal_critical_enter();
+    if (robot->supervisor.state != PROTO_STATE_LIVE) {
+        verdict = may_begin(robot, false);
+        if (verdict.reason == REFUSAL_NONE) {
+            robot->supervisor.state = PROTO_STATE_LIVE;
+            (void)recorder_request(&robot->recorder, robot->tuning.log_rate_hz, 0);
+        }
+    }
+    if (verdict.reason == REFUSAL_NONE) {
+        robot->supervisor.silence_ms = 0;
+        drive_command(&robot->drive, command.mode, command.left, command.right);
+    }
+    hal_critical_exit(state);
+    return verdict;
+}
+
+struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, uint16_t *log_id)
+{
+    struct refusal verdict = may_begin(robot, true);
+    if (verdict.reason != REFUSAL_NONE) {
+        return verdict;
+    }
+    /* The tick leaves a sequence alone that does not run, so its check needs no lock. */
+    verdict = sequence_check(&robot->sequence, &robot->tuning, crc);
+    if (verdict.reason != REFUSAL_NONE) {
+        return verdict;
+    }
+    const uint32_t state = hal_critical_enter();
+    const uint16_t rate = robot->sequence.log_rate_hz;
+    *log_id =
+        recorder_request(&robot->recorder, rate != 0 ? rate : robot->tuning.log_rate_hz, robot->sequence.crc);
+    robot->supervisor.state = PROTO_STATE_SEQUENCE;
+    sequence_start(&robot->sequence, *log_id);
+    command_segment(robot);
+    hal_critical_exit(state);
+    return accepted();
+}
+
+struct refusal robot_clear_faults(struct robot *robot)
+{
+    const uint32_t state = hal_critical_enter();
+    const uint32_t present = supervisor_clear(&robot->supervisor);
+    hal_critical_exit(state);
+    return present == 0 ? accepted() : refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, present);
+}
+
+struct refusal robot_set_parameter(struct robot *robot, uint16_t index, float value)
+{
+    if (supervisor_is_moving(&robot->supervisor)) {
+        return refused(PROTO_REFUSAL_REASON_WRONG_STATE, robot->supervisor.state);
+    }
+    struct tuning tuning;
+    switch (parameters_set(&robot->parameters, index, value)) {
+    case PARAMETERS_OK:
+        break;
+    case PARAMETERS_NOT_FINITE:
+        return refused(PROTO_REFUSAL_REASON_NOT_FINITE, 1);
+    case PARAMETERS_OUT_OF_RANGE:
+        return refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+    case PARAMETERS_UNKNOWN:
+    default:
+        return refused(PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER, index);
+    }
+    tuning_from_parameters(&tuning, &robot->parameters);
+    const uint32_t state = hal_critical_enter();
+    robot->tuning = tuning;
+    hal_critical_exit(state);
+    return accepted();
+}
+
+void robot_status(const struct robot *robot, struct proto_status_reply *out)
+{
+    const uint32_t state = hal_critical_enter();
+    *out = (struct proto_status_reply){
+        .uptime_ms = robot->now_ms,
+        .state = robot->supervisor.state,
+        .mode = robot->drive.mode,
+        .sequence_state = robot->sequence.state,
+        .log_open = robot->recorder.active || robot->recorder.opening,
+        .faults_active = robot->supervisor.active,
+        .faults_latched = robot->supervisor.latched,
+        .battery_mv = robot->sample.battery_valid ? robot->sample.battery_mv : (uint16_t)0,
+    };
+    const struct odometry odometry = robot->odometry;
+    for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        out->effort_e4[wheel] = robot->drive.applied_e4[wheel];
+        out->counts[wheel] = robot->counts[wheel];
+        out->speed_mmps[wheel] =
+            (int16_t)round_to_i32(clampf(robot->view.speed_mps[wheel] * 1000.0f, -32768.0f, 32767.0f));
+    }
+    hal_critical_exit(state);
+    out->x_mm = odometry_x_mm(&odometry);
+    out->y_mm = odometry_y_mm(&odometry);
+    out->theta_e4 = odometry_theta_e4(&odometry);
+}
+
+void robot_sequence_state(const struct robot *robot, struct proto_seq_state_reply *out)
+{
+    const struct sequence *const sequence = &robot->sequence;
+    const uint32_t state = hal_critical_enter();
+    const bool uploaded =
+        sequence->state != PROTO_SEQUENCE_STATE_EMPTY && sequence->state != PROTO_SEQUENCE_STATE_RECEIVING;
+    *out = (struct proto_seq_state_reply){
+        .sequence_state = sequence->state,
+        .segment_count = sequence->segment_count,
+        .segments_received = sequence->received,
+        .current_segment = sequence->current,
+        .elapsed_ms = sequence->elapsed_ms,
+        .duration_ms = sequence->duration_ms,
+        .crc32 = uploaded ? sequence->crc : 0,
+        .log_id = sequence->log_id,
+    };
+    hal_critical_exit(state);
+}

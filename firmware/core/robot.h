@@ -1,0 +1,57 @@
+/* The robot as the control tick drives it: senses, odometry, drive, sequence, recorder and supervisor
+ * together.
+ *
+ * robot_tick runs in the tick interrupt. All other functions are called from the main loop, and hold
+ * interrupts off for the few microseconds in which they change what the tick uses. */
+#ifndef ROBOT_H
+#define ROBOT_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "drive.h"
+#include "hal.h"
+#include "log.h"
+#include "odometry.h"
+#include "parameters.h"
+#include "recorder.h"
+#include "refusal.h"
+#include "sequence.h"
+#include "supervisor.h"
+#include "tuning.h"
+#include "wheel_speed.h"
+
+struct robot {
+    struct parameters parameters;
+    struct tuning tuning;
+    struct hal_sample sample;   /* of this tick */
+    int32_t counts[HAL_WHEELS]; /* forward positive, since start-up, wrapping */
+    struct wheel_speed wheels[HAL_WHEELS];
+    struct odometry odometry;
+    struct drive drive;
+    struct sequence sequence;
+    struct recorder recorder;
+    struct supervisor supervisor;
+    struct supervisor_view view; /* of this tick */
+    volatile uint32_t now_ms;
+    struct log log;
+};
+
+void robot_init(struct robot *robot, bool clock_fallback);
+void robot_tick(struct robot *robot);
+
+/* Brakes both wheels now; ends a sequence or a live drive, and its log. A latched fault stays latched. */
+void robot_stop(struct robot *robot);
+
+/* Drives the wheels under the host's hand: `kind` effort or velocity. */
+struct refusal robot_drive(struct robot *robot, uint8_t kind, float left, float right);
+
+struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, uint16_t *log_id);
+struct refusal robot_clear_faults(struct robot *robot);
+struct refusal robot_set_parameter(struct robot *robot, uint16_t index, float value);
+
+/* A state of the robot that belongs to one moment. */
+void robot_status(const struct robot *robot, struct proto_status_reply *out);
+void robot_sequence_state(const struct robot *robot, struct proto_seq_state_reply *out);
+
+#endif

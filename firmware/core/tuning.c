@@ -1,0 +1,50 @@
+/* What the control loop reads in every tick, worked out from the parameters when one changes. */
+#include "tuning.h"
+
+#include "rounding.h"
+
+static uint16_t millivolts(float volts)
+{
+    return (uint16_t)clampf(volts * 1000.0f + 0.5f, 0.0f, 65535.0f);
+}
+
+void tuning_from_parameters(struct tuning *tuning, const struct parameters *parameters)
+{
+    const float *const p = parameters->values;
+    const float radius = p[PROTO_PARAMETER_WHEEL_RADIUS_M];
+    const float wheelbase = p[PROTO_PARAMETER_WHEELBASE_M];
+    const float counts_per_rev = p[PROTO_PARAMETER_COUNTS_PER_REV];
+
+    tuning->geometry = odometry_geometry(radius, wheelbase, counts_per_rev);
+    tuning->metres_per_count = 2.0f * tuning->geometry.half_metres_per_count;
+    tuning->half_wheelbase_m = 0.5f * wheelbase;
+    tuning->encoder_reversed[0] = p[PROTO_PARAMETER_ENCODER_LEFT_REVERSED] != 0.0f;
+    tuning->encoder_reversed[1] = p[PROTO_PARAMETER_ENCODER_RIGHT_REVERSED] != 0.0f;
+    tuning->motor_reversed[0] = p[PROTO_PARAMETER_MOTOR_LEFT_REVERSED] != 0.0f;
+    tuning->motor_reversed[1] = p[PROTO_PARAMETER_MOTOR_RIGHT_REVERSED] != 0.0f;
+    tuning->effort_limit = p[PROTO_PARAMETER_EFFORT_LIMIT];
+    tuning->speed_limit_mps = p[PROTO_PARAMETER_SPEED_LIMIT_MPS];
+    tuning->encoder_speed_max_mps = p[PROTO_PARAMETER_ENCODER_SPEED_MAX_MPS];
+    tuning->command_timeout_ms = (uint32_t)round_to_i32(p[PROTO_PARAMETER_COMMAND_TIMEOUT_S] * 1000.0f);
+    tuning->log_rate_hz = (uint16_t)p[PROTO_PARAMETER_LOG_RATE_HZ];
+    tuning->battery_low_mv = millivolts(p[PROTO_PARAMETER_BATTERY_LOW_V]);
+    tuning->battery_recovered_mv =
+        millivolts(p[PROTO_PARAMETER_BATTERY_LOW_V] + p[PROTO_PARAMETER_BATTERY_HYSTERESIS_V]);
+
+    const float ks[HAL_WHEELS] = {p[PROTO_PARAMETER_FF_KS_LEFT], p[PROTO_PARAMETER_FF_KS_RIGHT]};
+    const float kv[HAL_WHEELS] = {p[PROTO_PARAMETER_FF_KV_LEFT], p[PROTO_PARAMETER_FF_KV_RIGHT]};
+    const float ka[HAL_WHEELS] = {p[PROTO_PARAMETER_FF_KA_LEFT], p[PROTO_PARAMETER_FF_KA_RIGHT]};
+    for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        const struct velocity_gains gains = {
+            .kp = p[PROTO_PARAMETER_VELOCITY_KP],
+            .ki = p[PROTO_PARAMETER_VELOCITY_KI],
+            .ks = ks[wheel],
+            .kv = kv[wheel],
+            .ka = ka[wheel],
+            .effort_limit = tuning->effort_limit,
+            .effort_slew_per_s = p[PROTO_PARAMETER_EFFORT_SLEW_PER_S],
+            .accel_limit_mps2 = p[PROTO_PARAMETER_ACCEL_LIMIT_MPS2],
+        };
+        tuning->gains[wheel] = gains;
+    }
+}

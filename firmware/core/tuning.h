@@ -1,0 +1,31 @@
+/* What the control loop reads in every tick, worked out from the parameters when one changes. */
+#ifndef TUNING_H
+#define TUNING_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "hal.h"
+#include "odometry.h"
+#include "parameters.h"
+#include "velocity_control.h"
+
+struct tuning {
+    float metres_per_count;
+    float half_wheelbase_m;
+    struct odometry_geometry geometry;
+    struct velocity_gains gains[HAL_WHEELS];
+    bool encoder_reversed[HAL_WHEELS];
+    bool motor_reversed[HAL_WHEELS];
+    float effort_limit;
+    float speed_limit_mps;
+    float encoder_speed_max_mps;
+    uint32_t command_timeout_ms;
+    uint16_t log_rate_hz;
+    uint16_t battery_low_mv;
+    uint16_t battery_recovered_mv;
+};
+
+void tuning_from_parameters(struct tuning *tuning, const struct parameters *parameters);
+
+#endif

@@ -1,0 +1,36 @@
+/* A board made of memory: the caller sets what the core senses and receives, and reads what it does. */
+#ifndef HAL_HOST_H
+#define HAL_HOST_H
+
+#include "hal.h"
+
+enum { HAL_HOST_RECEIVE_SIZE = 8192, HAL_HOST_SEND_SIZE = 65536 };
+
+struct hal_host {
+    struct hal_sample sample; /* what the core senses */
+    struct hal_identity identity;
+    int16_t effort_e4[HAL_WHEELS]; /* what the bridges were told last */
+    uint32_t drive_calls;
+    uint32_t watchdog_feeds;
+    uint32_t critical_depth;
+    uint8_t received[HAL_HOST_RECEIVE_SIZE]; /* on its way to the core */
+    size_t received_length;
+    size_t received_at;
+    uint8_t sent[HAL_HOST_SEND_SIZE]; /* written by the core, not yet taken by the caller */
+    size_t sent_length;
+    size_t line_room; /* bytes that the line still takes; SIZE_MAX: no limit */
+};
+
+/* A board at rest with 12 V, whose line takes everything. */
+void hal_host_init(struct hal_host *board);
+
+/* The board that hal.h's functions act on from now on, in this thread. */
+void hal_host_select(struct hal_host *board);
+
+/* Puts bytes on the line to the core; returns how many its buffer took. */
+size_t hal_host_receive(struct hal_host *board, const uint8_t *data, size_t length);
+
+/* Takes what the core has written; returns how many bytes. */
+size_t hal_host_take_sent(struct hal_host *board, uint8_t *out, size_t capacity);
+
+#endif
