@@ -1,0 +1,105 @@
+"""Bounded Levenberg-Marquardt on the normal equations, for a few parameters and many residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from truing.model.kernel import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Minimum:
+    """Where a search ended.
+
+    Attributes
+    ----------
+    theta : shape (p,).
+    residual : shape (n,), weighted residuals there.
+    jacobian : shape (n, p), their derivatives there.
+    cost : sum of the squared residuals.
+    converged : whether no step of a useful size was left.
+    """
+
+    theta: FloatArray
+    residual: FloatArray
+    jacobian: FloatArray
+    cost: float
+    iterations: int
+    converged: bool
+
+
+def minimise(
+    residual: Callable[[FloatArray], FloatArray],
+    jacobian: Callable[[FloatArray, FloatArray], FloatArray],
+    start: FloatArray,
+    lower: FloatArray,
+    upper: FloatArray,
+    *,
+    iterations: int = 60,
+    tolerance: float = 1e-8,
+) -> Minimum:
+    """Minimise the sum of squared residuals inside a box.
+
+    A parameter that stands at a bound and would leave the box is held there for the step; a step is
+    cut component by component at the box. Damping follows the ratio of true to predicted decrease.
+
+    Parameters
+    ----------
+    residual : theta (p,) -> (n,).
+    jacobian : theta (p,), residual there (n,) -> (n, p).
+    tolerance : stop when the relative decrease of the cost is below this, twice in a row.
+    """
+    theta = np.clip(start, lower, upper)
+    r = residual(theta)
+    cost = float(r @ r)
+    j = jacobian(theta, r)
+    damping, grow, quiet = 1e-3, 2.0, 0
+    count = 0
+    converged = False
+    while count < iterations:
+        count += 1
+        gradient = j.T @ r
+        hessian = j.T @ j
+        at_lower = (theta <= lower) & (gradient > 0.0)
+        at_upper = (theta >= upper) & (gradient < 0.0)
+        free = ~(at_lower | at_upper)
+        if not free.any():
+            converged = True
+            break
+        h = hessian[np.ix_(free, free)]
+        scale = np.maximum(np.diag(h), 1e-12 * max(float(np.diag(h).max()), 1e-300))
+        step = np.zeros_like(theta)
+        accepted = False
+        for _ in range(12):
+            try:
+                step[free] = -np.linalg.solve(h + damping * np.diag(scale), gradient[free])
+            except np.linalg.LinAlgError:
+                damping *= 10.0
+                continue
+            trial = np.clip(theta + step, lower, upper)
+            moved = trial - theta
+            predicted = -float(2.0 * gradient @ moved + moved @ hessian @ moved)
+            r_trial = residual(trial)
+            trial_cost = float(r_trial @ r_trial)
+            if np.isfinite(trial_cost) and trial_cost < cost:
+                accepted = True
+                ratio = (cost - trial_cost) / max(predicted, 1e-300)
+                damping *= max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3) if ratio < 1.0 else 1.0 / 3.0
+                damping, grow = max(damping, 1e-12), 2.0
+                break
+            damping *= grow
+            grow *= 2.0
+        if not accepted:
+            converged = True
+            break
+        small = cost - trial_cost <= tolerance * cost
+        theta, r, cost = trial, r_trial, trial_cost
+        j = jacobian(theta, r)
+        quiet = quiet + 1 if small else 0
+        if quiet >= 2 or cost <= 1e-30:
+            converged = True
+            break
+    return Minimum(theta, r, j, cost, count, converged)

@@ -1,0 +1,153 @@
+"""Recordings as the fits see them: one wheel's efforts and speeds in segments without a gap."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from truing.baseline import Baseline
+from truing.errors import IdentifyError
+from truing.model.kernel import FloatArray, IntArray
+from truing.model.wheel import Excitation
+from truing.recording import Run, SpeedSource, Wheel
+
+NOMINAL_SUPPLY_V = 12.0
+MINIMUM_SEGMENT_ROWS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class WheelSignal:
+    """One wheel in one or more runs, laid end to end.
+
+    Attributes
+    ----------
+    excitation : times, efforts and supply, cut into segments at the ends of runs and at gaps.
+    speed_mps : shape (n,), measured.
+    run_of_row : shape (n,), index into `names`.
+    names : the runs' names.
+    source : the columns that the speed comes from.
+    resolution_mps : smallest step that the speed can show.
+    has_supply : whether every run logs its supply voltage.
+    """
+
+    excitation: Excitation
+    speed_mps: FloatArray
+    run_of_row: NDArray[np.int64]
+    names: tuple[str, ...]
+    source: SpeedSource
+    resolution_mps: float
+    has_supply: bool
+
+    def __len__(self) -> int:
+        return len(self.speed_mps)
+
+    @property
+    def runs(self) -> int:
+        """How many runs there are."""
+        return len(self.names)
+
+    @property
+    def counted(self) -> NDArray[np.bool_]:
+        """Rows that judge a model, shape (n,): a differenced speed does not exist on a first row."""
+        counted = np.ones(len(self), dtype=bool)
+        if self.source != "vel":
+            counted[self.excitation.starts[:-1]] = False
+        return counted
+
+    def weights(self) -> FloatArray:
+        """Square-root weights, shape (n,), that make every run count the same: sum of squares 1."""
+        counted = self.counted
+        counts = np.bincount(self.run_of_row, counted, self.runs)
+        return np.asarray(counted / np.sqrt(counts[self.run_of_row] * self.runs))
+
+    def rms_by_run(self, residual: FloatArray) -> FloatArray:
+        """Root mean square of `residual` (n,) in each run, shape (runs,)."""
+        counted = self.counted
+        counts = np.bincount(self.run_of_row, counted, self.runs)
+        return np.asarray(np.sqrt(np.bincount(self.run_of_row, counted * residual**2, self.runs) / counts))
+
+    def select(self, keep: Sequence[int]) -> WheelSignal:
+        """The runs with these indices, in this order."""
+        excitation = self.excitation
+        rows, starts, intervals, run_of_row = [], [0], [], []
+        for new, old in enumerate(keep):
+            for k, (a, b) in enumerate(zip(excitation.starts[:-1], excitation.starts[1:], strict=True)):
+                if self.run_of_row[a] == old:
+                    rows.append(np.arange(a, b))
+                    run_of_row.append(np.full(b - a, new))
+                    intervals.append(excitation.interval_s[k])
+                    starts.append(starts[-1] + int(b - a))
+        if not rows:
+            raise IdentifyError("no run is left to fit")
+        index = np.concatenate(rows)
+        return WheelSignal(
+            Excitation(
+                excitation.t_s[index],
+                excitation.effort[index],
+                excitation.supply[index],
+                np.array(starts, dtype=np.int64),
+                np.array(intervals),
+                excitation.mean_over_interval,
+            ),
+            self.speed_mps[index],
+            np.concatenate(run_of_row),
+            tuple(self.names[k] for k in keep),
+            self.source,
+            self.resolution_mps,
+            self.has_supply,
+        )
+
+
+def wheel_signal(runs: Sequence[Run], wheel: Wheel, baseline: Baseline | None = None) -> WheelSignal:
+    """Efforts and speeds of one wheel in all runs; gaps start a new segment.
+
+    Rows that share a time stamp are one instant: the last of them stands. Speeds from counts or
+    positions are means over the interval; so is a reported speed, as the contract has it (whatever
+    filter sits on top of it is the fit's to find).
+    """
+    if not runs:
+        raise IdentifyError("there is no run to fit")
+    pieces: list[tuple[FloatArray, FloatArray, FloatArray, FloatArray]] = []
+    run_of_row: list[IntArray] = []
+    starts = [0]
+    intervals: list[float] = []
+    sources: set[SpeedSource] = set()
+    resolutions: list[float] = []
+    has_supply = all("battery_v" in run.columns for run in runs)
+    for index, run in enumerate(runs):
+        speed = run.speed(wheel, baseline)
+        sources.add(speed.source)
+        resolutions.append(speed.resolution)
+        supply = run.columns["battery_v"] / NOMINAL_SUPPLY_V - 1.0 if has_supply else np.zeros(len(run))
+        keep = np.append(np.diff(run.t_s) > 0.0, True)
+        after_gap = np.zeros(len(run), dtype=bool)
+        after_gap[run.gaps()] = True
+        cuts = np.flatnonzero(after_gap[keep])
+        columns = [column[keep] for column in (run.t_s, run.effort(wheel), supply, speed.values)]
+        bounds = [0, *cuts.tolist(), int(keep.sum())]
+        for a, b in zip(bounds[:-1], bounds[1:], strict=True):
+            if b - a < MINIMUM_SEGMENT_ROWS:
+                continue  # too short to hold an initial state and anything else
+            pieces.append((columns[0][a:b], columns[1][a:b], columns[2][a:b], columns[3][a:b]))
+            run_of_row.append(np.full(b - a, index, dtype=np.int64))
+            starts.append(starts[-1] + b - a)
+            intervals.append(run.interval_s)
+    if len(sources) > 1:
+        raise IdentifyError(f"the runs give their speed in different ways ({', '.join(sorted(sources))})")
+    if len(np.unique(np.concatenate(run_of_row))) != len(runs) if run_of_row else True:
+        raise IdentifyError("a run holds nothing but gaps")
+    t, effort, supply_all, speed_all = (
+        np.ascontiguousarray(np.concatenate([piece[k] for piece in pieces])) for k in range(4)
+    )
+    return WheelSignal(
+        Excitation(t, effort, supply_all, np.array(starts, dtype=np.int64), np.array(intervals)),
+        speed_all,
+        np.concatenate(run_of_row),
+        tuple(run.name for run in runs),
+        sources.pop(),
+        float(np.median(resolutions)),
+        has_supply,
+    )
