@@ -27,6 +27,7 @@ struct systick {
 #define NVIC_IPR(irq)   (*(volatile uint8_t *)(0xE000E400u + (irq)))
 
 /* System control block, PM0214 section 4.4. */
+#define SCB_ICSR          (*(reg32 *)0xE000ED04u)
 #define SCB_VTOR          (*(reg32 *)0xE000ED08u)
 #define SCB_AIRCR         (*(reg32 *)0xE000ED0Cu)
 #define SCB_SHPR(exc)     (*(volatile uint8_t *)(0xE000ED14u + (exc))) /* system exceptions 4 to 15 */
@@ -36,6 +37,7 @@ struct systick {
 #define SCB_MMFAR         (*(reg32 *)0xE000ED34u)
 #define SCB_BFAR          (*(reg32 *)0xE000ED38u)
 #define SCB_CPACR         (*(reg32 *)0xE000ED88u) /* section 4.6.1 */
+#define ICSR_PENDSTSET    (1u << 26)
 #define AIRCR_VECTKEY     (0x05FAu << 16)
 #define AIRCR_SYSRESETREQ (1u << 2)
 #define SHCSR_MEMFAULTENA (1u << 16)
