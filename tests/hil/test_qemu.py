@@ -1,0 +1,142 @@
+"""The flashed image on QEMU's STM32F405: it boots, talks, and will not move what it cannot feel.
+
+QEMU's model has no clock tree, no converting ADC, no unique id, and counters that run by themselves; its
+SysTick ticks some ten times too fast. The image knows nothing of that: each is a fault that a real board can
+have too.
+"""
+
+from __future__ import annotations
+
+import random
+import shutil
+import time
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import truing_protocol as tp
+from support.qemu import Qemu
+from truing.errors import Refused
+from truing.link.client import Client
+from truing.link.refusals import faults_in
+
+pytestmark = pytest.mark.qemu
+
+SEGMENTS = tuple(tp.Segment(tp.SegmentKind.EFFORT, 2000, level, level) for level in (0.35, 0.50, 0.45, 0.0))
+
+
+@pytest.fixture(scope="module")
+def qemu(image: Path) -> Iterator[Qemu]:
+    if shutil.which("qemu-system-arm") is None:
+        pytest.fail("qemu-system-arm is not installed; run ./run setup", pytrace=False)
+    with Qemu(image) as running:
+        yield running
+
+
+@pytest.fixture
+def board(qemu: Qemu) -> Iterator[Client]:
+    client = qemu.connect()
+    yield client
+    client.close()
+
+
+def hello(board: Client) -> tp.HelloReply:
+    return board.request(tp.HelloRequest(tp.PROTOCOL_VERSION, tp.SCHEMA_HASH))
+
+
+def upload(board: Client) -> int:
+    """Upload `SEGMENTS`; return their CRC."""
+    crc = zlib.crc32(b"".join(segment.pack() for segment in SEGMENTS))
+    board.request(tp.SeqBeginRequest(len(SEGMENTS), 0))
+    board.request(tp.SeqSegmentsRequest(0, SEGMENTS))
+    board.request(tp.SeqCommitRequest(crc))
+    return crc
+
+
+def test_it_boots_and_says_who_it_is(qemu: Qemu, board: Client) -> None:
+    reply = hello(board)
+    print(f"hello {time.monotonic() - qemu.started_at:.3f} s after QEMU was started")
+    assert reply.protocol_version == tp.PROTOCOL_VERSION
+    assert reply.schema_hash == tp.SCHEMA_HASH
+    assert reply.parameter_count == len(tp.PARAMETERS)
+
+
+def test_it_reports_what_the_chip_under_it_lacks(board: Client) -> None:
+    reply = hello(board)
+    assert reply.clock_source == tp.ClockSource.INTERNAL
+    assert reply.board_id == (0,) * 12
+    active = {fault.name for fault in faults_in(board.request(tp.StatusRequest()).faults_active)}
+    assert "clock_fallback" in active
+    assert "battery_unread" in active
+
+
+def test_it_lists_the_parameters_of_the_schema(board: Client) -> None:
+    for info in tp.PARAMETERS:
+        reply = board.request(tp.ParamListRequest(info.index))
+        assert (reply.name, reply.unit, reply.kind) == (info.name, info.unit, info.kind)
+        assert (reply.minimum, reply.maximum) == pytest.approx((info.minimum, info.maximum))
+        assert reply.value == pytest.approx(info.default)
+
+
+def test_it_sets_a_parameter_and_refuses_a_bad_value_by_name(board: Client) -> None:
+    index = next(p.index for p in tp.PARAMETERS if p.name == "log_rate_hz")
+    assert board.request(tp.ParamSetRequest(index, 50.0)).value == 50.0
+    with pytest.raises(Refused) as caught:
+        board.request(tp.ParamSetRequest(index, 1e9))
+    assert caught.value.reason == "out_of_range"
+    with pytest.raises(Refused) as caught:
+        board.request(tp.ParamSetRequest(index, float("nan")))
+    assert caught.value.reason == "not_finite"
+    assert board.request(tp.ParamGetRequest(index)).value == 50.0
+
+
+def test_it_accepts_a_sequence(board: Client) -> None:
+    crc = upload(board)
+    state = board.request(tp.SeqStateRequest())
+    assert state.sequence_state == tp.SequenceState.READY
+    assert state.crc32 == crc
+    assert state.duration_ms == 8000
+
+
+def test_it_does_not_start_and_names_encoders_and_supply(board: Client) -> None:
+    crc = upload(board)
+    with pytest.raises(Refused) as caught:
+        board.request(tp.SeqStartRequest(crc))
+    assert caught.value.reason in ("self_check_failed", "fault_latched")
+    for fault in ("encoder_left_implausible", "encoder_right_implausible", "battery_unread"):
+        assert fault in caught.value.message
+    status = board.request(tp.StatusRequest())
+    assert status.effort_e4 == (0, 0)
+    assert board.request(tp.SeqStateRequest()).sequence_state == tp.SequenceState.READY
+
+
+def test_it_does_not_turn_the_wheels_by_hand_either(board: Client) -> None:
+    with pytest.raises(Refused):
+        board.request(tp.SetEffortRequest(0.3, 0.3))
+    assert board.request(tp.StatusRequest()).effort_e4 == (0, 0)
+
+
+def test_noise_on_the_line_delays_no_request(board: Client) -> None:
+    noise = random.Random(4).randbytes(20_000)
+    for at in range(0, len(noise), 1000):
+        board.stream.write(noise[at : at + 1000])
+        assert hello(board).schema_hash == tp.SCHEMA_HASH
+    assert board.request(tp.StatusRequest()).frames_dropped > 0
+
+
+def test_requests_sent_in_one_go_are_answered_in_order(board: Client) -> None:
+    sent = [board.post(tp.ParamListRequest(info.index)) for info in tp.PARAMETERS]
+    got: list[int] = []
+    until = time.monotonic() + 10.0
+    while len(got) < len(sent) and time.monotonic() < until:
+        got += [frame.sequence for frame in board.receive(0.2)]
+    assert got == sent
+
+
+def test_a_reset_gives_another_boot_id(qemu: Qemu, board: Client) -> None:
+    before = hello(board).boot_id
+    qemu.reset()
+    time.sleep(0.5)
+    assert hello(board).boot_id != before

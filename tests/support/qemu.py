@@ -1,0 +1,87 @@
+"""The image on QEMU's own model of the STM32F405: a second opinion besides the virtual board."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import time
+from pathlib import Path
+from types import TracebackType
+
+from truing.link.client import Client, Timing
+from truing.link.tcp_stream import TcpStream
+
+# QEMU's model is of another board with the same chip. USART3, our link, is its third serial port.
+_MACHINE = ("qemu-system-arm", "-M", "netduinoplus2", "-display", "none", "-monitor", "stdio")
+_OTHER_PORTS = ("-serial", "null", "-serial", "null")
+_QUIT_S = 5.0
+
+
+class Qemu:
+    """A running QEMU with the link on a loopback port; a context manager.
+
+    Parameters
+    ----------
+    image : the ELF file that is flashed.
+    """
+
+    def __init__(self, image: Path) -> None:
+        # QEMU inherits a socket that already listens: nobody can take the port in between.
+        with socket.create_server(("127.0.0.1", 0)) as listener:
+            self.port: int = listener.getsockname()[1]
+            link = f"socket,id=link,fd={listener.fileno()},server=on,wait=off"
+            self._process = subprocess.Popen(
+                [
+                    *_MACHINE,
+                    "-kernel",
+                    str(image),
+                    *_OTHER_PORTS,
+                    "-chardev",
+                    link,
+                    "-serial",
+                    "chardev:link",
+                ],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.PIPE,
+                text=True,
+                pass_fds=(listener.fileno(),),
+            )
+        self.started_at = time.monotonic()
+
+    def connect(self) -> Client:
+        """A client of the host's own; close it before connecting again, QEMU takes one at a time."""
+        if self._process.poll() is not None:
+            assert self._process.stderr is not None
+            raise RuntimeError(f"QEMU ended with {self._process.returncode}: {self._process.stderr.read()}")
+        # On a busy machine the model runs slower than the chip.
+        return Client(
+            TcpStream("127.0.0.1", self.port),
+            timing=Timing(first_wait_s=0.25, longest_wait_s=0.5, patience_s=20.0),
+        )
+
+    def reset(self) -> None:
+        """Press the board's reset button."""
+        assert self._process.stdin is not None
+        self._process.stdin.write("system_reset\n")
+        self._process.stdin.flush()
+
+    def close(self) -> None:
+        """End QEMU; closing twice is harmless."""
+        self._process.terminate()
+        try:
+            self._process.wait(_QUIT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        for pipe in (self._process.stdin, self._process.stderr):
+            if pipe is not None:
+                pipe.close()
+
+    def __enter__(self) -> Qemu:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
