@@ -1,8 +1,6 @@
-"""Chooses the plant's numbers: replays the paper's effort tests, prints them beside the paper, fits on request.
+"""Chooses the plant's numbers: replays the paper's effort tests beside the paper, and fits on request.
 
-    python hil_sim/plant/calibrate.py             the table with the numbers that the library has
-    python hil_sim/plant/calibrate.py --fit       find the fitted numbers again and print them
-    python hil_sim/plant/calibrate.py --trade     what other time constants would cost
+Without arguments it prints the table for the numbers that the library has.
 """
 # ruff: noqa: T201
 
@@ -145,12 +143,13 @@ def replay(robot: RobotParameters, library: Path | None = None) -> list[Replayed
 
 
 def time_constant_s(robot: RobotParameters) -> float:
-    """Of a step straight ahead with friction and sag left out: rim mass over what back-EMF takes."""
+    """Of a step straight ahead without dry friction and sag: inertia over viscous drag and back-EMF's."""
     wheel = robot.left
     ratio = wheel.motor.gear_ratio
-    rotating = (wheel.inertia_kgm2 + ratio**2 * wheel.motor.rotor_inertia_kgm2) / wheel.radius_m**2
-    per_speed = wheel.motor.emf_v_per_radps * ratio / wheel.radius_m
-    return (robot.chassis.mass_kg / 2.0 + rotating) * wheel.motor.resistance_ohm / per_speed**2
+    inertia = wheel.inertia_kgm2 + ratio**2 * wheel.motor.rotor_inertia_kgm2
+    inertia += robot.chassis.mass_kg / 2.0 * wheel.radius_m**2
+    electric = (wheel.motor.emf_v_per_radps * ratio) ** 2 / wheel.motor.resistance_ohm
+    return inertia / (electric + wheel.friction.viscous_nms_per_rad)
 
 
 def breakaway_effort(robot: RobotParameters) -> float:
@@ -176,7 +175,7 @@ def assembled(base: RobotParameters, tau_s: float, fitted: NDArray[np.float64]) 
     emf, coulomb, breakaway, stribeck, scrub = (float(value) for value in fitted)
     ratio = base.left.motor.gear_ratio
     radius = base.left.radius_m
-    damping = (emf * ratio) ** 2 / base.left.motor.resistance_ohm
+    damping = (emf * ratio) ** 2 / base.left.motor.resistance_ohm + base.left.friction.viscous_nms_per_rad
     carried = base.left.inertia_kgm2 + base.chassis.mass_kg / 2.0 * radius**2
     stall_nm = emf * ratio * base.battery.full_v / base.left.motor.resistance_ohm
     values = {
@@ -198,10 +197,10 @@ def fit(base: RobotParameters, tau_s: float, library: Path | None = None) -> Rob
 
     def errors(unknown: NDArray[np.float64]) -> NDArray[np.float64]:
         robot = assembled(base, tau_s, unknown * scale)
-        return np.array([level.exact_gain / level.paper.gain - 1.0 for level in replay(robot, library)])
+        return np.array([one.exact_gain / one.paper.gain - 1.0 for one in replay(robot, library)])
 
     starts = [np.array([1.0, 1.0, 0.8, stribeck, 0.8]) for stribeck in (0.5, 1.0, 2.0)]
-    fits = [least_squares(errors, start, bounds=(low, high), diff_step=1e-3) for start in starts]
+    fits = [least_squares(errors, start, bounds=(low, high), diff_step=[1e-3]) for start in starts]
     best = min(fits, key=lambda one: float(one.cost))
     return assembled(base, tau_s, best.x * scale)
 
@@ -234,16 +233,17 @@ def print_table(robot: RobotParameters, library: Path | None = None) -> None:
 
 def print_numbers(robot: RobotParameters) -> None:
     """Print one wheel's and the chassis' numbers as params.c has them."""
-    for name, part in (("motor", robot.left.motor), ("friction", robot.left.friction), ("chassis", robot.chassis)):
+    parts = (("motor", robot.left.motor), ("friction", robot.left.friction), ("chassis", robot.chassis))
+    for name, part in parts:
         print(name, *(f"  .{key} = {value:.4g}" for key, value in dataclasses.asdict(part).items()), sep="\n")
 
 
-CHOSEN_TAU_S = 0.40
+CHOSEN_TAU_S = 0.38
 
 
 def main() -> None:
     """Print what the arguments ask for."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--fit", action="store_true", help="find the fitted numbers again")
     parser.add_argument("--tau", type=float, default=CHOSEN_TAU_S, help="time constant for --fit, s")
     parser.add_argument("--trade", action="store_true", help="fit for a range of time constants")

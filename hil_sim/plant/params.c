@@ -13,13 +13,13 @@ static const struct plant_wheel_params msrp_wheel = {
     .inertia_kgm2 = 8e-4, /* 0.4 kg of tyre and rim, mass towards the rim */
     .motor = {.resistance_ohm = 6.0,
               .inductance_h = 2.0e-3,
-              .emf_v_per_radps = 0.01723,
-              .rotor_inertia_kgm2 = 7.71e-6,
+              .emf_v_per_radps = 0.01494,
+              .rotor_inertia_kgm2 = 4.59e-6,
               .gear_ratio = 30.0},
-    .friction = {.coulomb_nm = 0.0116,
-                 .breakaway_nm = 0.0977,
-                 .stribeck_radps = 1.31,
-                 .viscous_nms_per_rad = 0.001},
+    .friction = {.coulomb_nm = 0.0100,
+                 .breakaway_nm = 0.0847,
+                 .stribeck_radps = 1.33,
+                 .viscous_nms_per_rad = 0.006},
     .encoder = {.counts_per_rev = 2400.0, .edge_error_count = 0.15},
 };
 
@@ -27,7 +27,7 @@ static const struct plant_params msrp = {
     .chassis = {.mass_kg = 5.0,
                 .yaw_inertia_kgm2 = 0.06,
                 .wheelbase_m = 0.283,
-                .scrub_nm = 0.0981,
+                .scrub_nm = 0.0871,
                 .scrub_curvature_per_m = 0.5},
     .battery = {.full_v = 12.6,
                 .empty_v = 10.8,

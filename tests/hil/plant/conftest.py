@@ -37,7 +37,9 @@ def plant_build(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Callabl
         library = folder / f"libplant-{step_us}.so"
         if not library.exists():
             flags = ["-std=c11", "-O2", "-fPIC", "-shared", "-ffp-contract=off", f"-DPLANT_STEP_US={step_us}"]
-            subprocess.run(["cc", *flags, *map(str, sources), "-lm", "-o", str(library)], check=True, timeout=60)
+            subprocess.run(
+                ["cc", *flags, *map(str, sources), "-lm", "-o", str(library)], check=True, timeout=60
+            )
         return library
 
     return build

@@ -39,7 +39,9 @@ def test_one_wheels_load_slows_the_other(place: Place, robot: RobotParameters) -
     assert right_speed(place(stiff), 1.0) == pytest.approx(right_speed(place(stiff), 0.0), rel=2e-4)
 
 
-def test_driving_draws_charge_and_lowers_the_open_circuit_voltage(place: Place, robot: RobotParameters) -> None:
+def test_driving_draws_charge_and_lowers_the_open_circuit_voltage(
+    place: Place, robot: RobotParameters
+) -> None:
     plant = place(robot.changed(battery__capacity_ah=0.02))
     plant.drive(0.5, 0.5)
     voltages = []

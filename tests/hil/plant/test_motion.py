@@ -41,22 +41,24 @@ def test_an_unpowered_robot_only_loses_energy(
         plant.set_bridge(wheel, *duties)
     before = stored_j(plant.state())
     assert before > 0.1
-    for _ in range(60_000):
+    for _ in range(30_000):
         plant.advance(1)
         now = stored_j(plant.state())
         assert now <= before
         before = now
-    assert before == 0.0 or plant.state().wheel_speed_radps == (0.0, 0.0)
+    plant.advance_s(10.0)
+    assert stored_j(plant.state()) == 0.0
 
 
 def test_no_step_makes_more_energy_than_the_battery_gives(place: Place, robot: RobotParameters) -> None:
+    states = [(1.0, 0.0), (0.0, 1.0), (1.0, 1.0), (0.0, 0.0), (0.7, 0.2), (0.1, 0.6)]
     plant = place()
     dice = random.Random(7)
     state = plant.state()
     for step in range(100_000):
         if step % 500 == 0:
             for wheel in (0, 1):
-                plant.set_bridge(wheel, *dice.choice([(1, 0), (0, 1), (1, 1), (0, 0), (0.7, 0.2), (0.1, 0.6)]))
+                plant.set_bridge(wheel, *dice.choice(states))
         plant.advance(1)
         after = plant.state()
         bridges_a = after.battery_current_a - robot.battery.electronics_a
@@ -156,7 +158,9 @@ def test_a_pivoting_wheel_is_slower_than_one_going_straight(place: Place, effort
     assert pivot.state().wheel_angle_rad[1] == 0.0, "the braked wheel is what the robot turns about"
 
 
-def test_a_pivot_is_a_circle_of_one_wheelbase_about_the_standing_wheel(place: Place, robot: RobotParameters) -> None:
+def test_a_pivot_is_a_circle_of_one_wheelbase_about_the_standing_wheel(
+    place: Place, robot: RobotParameters
+) -> None:
     plant = place()
     half = robot.chassis.wheelbase_m / 2.0
     plant.drive(0.4, 0.0)
@@ -168,7 +172,9 @@ def test_a_pivot_is_a_circle_of_one_wheelbase_about_the_standing_wheel(place: Pl
     assert state.theta_rad == pytest.approx(-turned, rel=1e-12)
 
 
-def test_scrub_hardly_holds_back_a_robot_that_rolls_along_a_wide_arc(place: Place, robot: RobotParameters) -> None:
+def test_scrub_hardly_holds_back_a_robot_that_rolls_along_a_wide_arc(
+    place: Place, robot: RobotParameters
+) -> None:
     smooth = robot.changed(chassis__scrub_nm=0.0)
     with_scrub, without = place(), place(smooth)
     for plant in (with_scrub, without):

@@ -46,11 +46,20 @@ def test_every_parameter_that_is_no_number_is_refused_by_its_own_name(
         ({"right__motor__resistance_ohm": 0.0}, "right.motor.resistance_ohm is 0, outside"),
         ({"chassis__mass_kg": -5.0}, "chassis.mass_kg is -5, outside"),
         ({"battery__initial_charge": 1.2}, "battery.initial_charge is 1.2, outside 0..1"),
-        ({"right__friction__breakaway_nm": 0.0}, "right.friction.breakaway_nm is 0, below friction.coulomb_nm"),
-        ({"left__encoder__counts_per_rev": 2400.5}, "left.encoder.counts_per_rev is 2400.5, not a whole number"),
+        (
+            {"right__friction__breakaway_nm": 0.0},
+            "right.friction.breakaway_nm is 0, below friction.coulomb_nm",
+        ),
+        (
+            {"left__encoder__counts_per_rev": 2400.5},
+            "left.encoder.counts_per_rev is 2400.5, not a whole number",
+        ),
         ({"left__encoder__edge_error_count": 0.6}, "left.encoder.edge_error_count is 0.6, outside"),
         ({"battery__empty_v": 14.0}, "battery.empty_v is 14, above battery.full_v"),
-        ({"battery__resistance_ohm": 9.0}, "battery.resistance_ohm is 9, above 0.4 times left.motor.resistance_ohm"),
+        (
+            {"battery__resistance_ohm": 9.0},
+            "battery.resistance_ohm is 9, above 0.4 times left.motor.resistance_ohm",
+        ),
         ({"left__motor__emf_v_per_radps": 9.0}, "left.motor.emf_v_per_radps is 9, too strong"),
     ],
 )
@@ -68,7 +77,7 @@ def test_an_unknown_parameter_is_named(robot: RobotParameters) -> None:
 
 
 def test_a_missing_library_says_how_to_build_it(tmp_path: Path) -> None:
-    with pytest.raises(PlantError, match="./run setup builds it"):
+    with pytest.raises(PlantError, match=r"\./run setup builds it"):
         RobotParameters.msrp(tmp_path / "none.so")
 
 
@@ -145,8 +154,15 @@ class _Speeds(ctypes.Structure):
     _fields_ = [("left", ctypes.c_double), ("right", ctypes.c_double)]
 
 
+def cost(mass: _Mass, momentum: tuple[float, float], limits: _Limits, left: float, right: float) -> float:
+    """The function of friction.c that a step's rim speeds minimise."""
+    kinetic = (mass.left * left**2 + mass.right * right**2) / 2 + mass.cross * left * right
+    dry = limits.left * abs(left) + limits.right * abs(right) + limits.twist * abs(right - left)
+    return kinetic - momentum[0] * left - momentum[1] * right + dry
+
+
 def test_dry_friction_takes_the_one_motion_that_its_law_allows(plant_build: Callable[[int], Path]) -> None:
-    """The step's speeds minimise its convex function (friction.c): no neighbour is lower."""
+    """No neighbour of the step's speeds is lower, and the function is convex."""
     solve = ctypes.CDLL(str(plant_build(50))).friction_solve
     solve.restype = _Speeds
     solve.argtypes = [ctypes.POINTER(_Mass), ctypes.c_double, ctypes.c_double, ctypes.POINTER(_Limits)]
@@ -159,19 +175,14 @@ def test_dry_friction_takes_the_one_motion_that_its_law_allows(plant_build: Call
         momentum = (dice.gauss(0.0, 2.0), dice.gauss(0.0, 2.0))
         speeds = solve(ctypes.byref(mass), *momentum, ctypes.byref(limits))
 
-        def cost(left: float, right: float) -> float:
-            kinetic = (mass.left * left**2 + mass.right * right**2) / 2 + mass.cross * left * right
-            dry = limits.left * abs(left) + limits.right * abs(right) + limits.twist * abs(right - left)
-            return kinetic - momentum[0] * left - momentum[1] * right + dry
-
-        found = cost(speeds.left, speeds.right)
+        found = cost(mass, momentum, limits, speeds.left, speeds.right)
         for i in range(12):
             angle = i * math.tau / 12 + dice.choice([0.0, math.pi / 4])
-            step = (1e-3 * math.cos(angle), 1e-3 * math.sin(angle))
-            assert found <= cost(speeds.left + step[0], speeds.right + step[1]) + 1e-12
-        pieces.add(
-            tuple(math.copysign(1.0, v) if v else 0.0 for v in (speeds.left, speeds.right, speeds.right - speeds.left))
-        )
+            left = speeds.left + 1e-3 * math.cos(angle)
+            right = speeds.right + 1e-3 * math.sin(angle)
+            assert found <= cost(mass, momentum, limits, left, right) + 1e-12
+        ways = (speeds.left, speeds.right, speeds.right - speeds.left)
+        pieces.add(tuple((way > 0.0) - (way < 0.0) for way in ways))
     assert len(pieces) == 13, "every way to stand, to run alike and to slide came up"
 
 

@@ -18,8 +18,12 @@ def truth_counts(plant: Plant, robot: RobotParameters, wheel: int) -> float:
 
 
 @pytest.mark.parametrize("edge_error", [0.0, 0.15, 0.45])
-def test_the_count_is_within_one_of_the_truth(place: Place, robot: RobotParameters, edge_error: float) -> None:
-    changed = robot.changed(left__encoder__edge_error_count=edge_error, right__encoder__edge_error_count=edge_error)
+def test_the_count_is_within_one_of_the_truth(
+    place: Place, robot: RobotParameters, edge_error: float
+) -> None:
+    changed = robot.changed(
+        left__encoder__edge_error_count=edge_error, right__encoder__edge_error_count=edge_error
+    )
     plant = place(changed)
     assert (plant.encoder(0), plant.encoder(1)) == (0, 0)
     for efforts in [(0.6, 0.3), (-0.5, 0.4), (0.0, 0.0), (-1.0, -1.0)]:
