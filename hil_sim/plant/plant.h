@@ -97,7 +97,8 @@ struct plant;
 /* The robot of Bakirci 2023 (MSRP), calibrated by calibrate.py. */
 void plant_params_msrp(struct plant_params *out);
 
-/* NULL when the parameters make a robot; else one line that names the first one at fault and why. */
+/* NULL when the parameters make a robot; else one line that names the first one at fault and why, which
+   holds until this thread asks again. */
 const char *plant_params_problem(const struct plant_params *params);
 
 /* NULL when plant_params_problem finds one, or memory is out. */
