@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from types import TracebackType
 
+from support.gdb_stub import GdbStub
 from truing.link.client import Client, Timing
 from truing.link.tcp_stream import TcpStream
 
@@ -15,6 +16,11 @@ from truing.link.tcp_stream import TcpStream
 _MACHINE = ("qemu-system-arm", "-M", "netduinoplus2", "-display", "none", "-monitor", "stdio")
 _OTHER_PORTS = ("-serial", "null", "-serial", "null")
 _QUIT_S = 5.0
+
+
+def _listening(name: str, server: socket.socket) -> str:
+    """QEMU's words for a socket that it inherits."""
+    return f"socket,id={name},fd={server.fileno()},server=on,wait=off"
 
 
 class Qemu:
@@ -26,26 +32,20 @@ class Qemu:
     """
 
     def __init__(self, image: Path) -> None:
-        # QEMU inherits a socket that already listens: nobody can take the port in between.
-        with socket.create_server(("127.0.0.1", 0)) as listener:
-            self.port: int = listener.getsockname()[1]
-            link = f"socket,id=link,fd={listener.fileno()},server=on,wait=off"
+        # QEMU inherits sockets that already listen: nobody can take their ports in between.
+        with socket.create_server(("127.0.0.1", 0)) as link, socket.create_server(("127.0.0.1", 0)) as gdb:
+            self.port: int = link.getsockname()[1]
+            self._gdb_port: int = gdb.getsockname()[1]
+            arguments = [*_MACHINE, "-kernel", str(image), *_OTHER_PORTS]
+            arguments += ["-chardev", _listening("link", link), "-serial", "chardev:link"]
+            arguments += ["-chardev", _listening("gdb", gdb), "-gdb", "chardev:gdb"]
             self._process = subprocess.Popen(
-                [
-                    *_MACHINE,
-                    "-kernel",
-                    str(image),
-                    *_OTHER_PORTS,
-                    "-chardev",
-                    link,
-                    "-serial",
-                    "chardev:link",
-                ],
+                arguments,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,
                 text=True,
-                pass_fds=(listener.fileno(),),
+                pass_fds=(link.fileno(), gdb.fileno()),
             )
         self.started_at = time.monotonic()
 
@@ -59,6 +59,10 @@ class Qemu:
             TcpStream("127.0.0.1", self.port),
             timing=Timing(first_wait_s=0.25, longest_wait_s=0.5, patience_s=20.0),
         )
+
+    def debugger(self) -> GdbStub:
+        """Halt the processor, to look at it or meddle with it; it goes on when the debugger is closed."""
+        return GdbStub(self._gdb_port)
 
     def reset(self) -> None:
         """Press the board's reset button."""
