@@ -1,7 +1,8 @@
 """Every error that `truing` raises on purpose: what went wrong, and what to do next.
 
 The command line prints `TruingError` as one line (plus the next step) and exits with
-`exit_code`: 2 where the user's input is wrong, 1 where the board or the link fails; anything else that escapes is a bug in truing and keeps its traceback.
+`exit_code`: 2 where the user's input is wrong, 1 where the board or the link fails; anything
+else that escapes is a bug in truing and keeps its traceback.
 """
 
 # ruff: noqa: N818 (these are named for what happened, as users read them)
@@ -148,3 +149,9 @@ class VirtualBoardError(TruingError):
     """The virtual board cannot start or stopped (no image, no native library, a CPU fault)."""
 
     exit_code = 1
+
+
+class Interrupted(TruingError):
+    """The user asked to stop (Ctrl-C, or the program was told to end)."""
+
+    exit_code = 130

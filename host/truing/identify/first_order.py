@@ -22,6 +22,10 @@ from truing.recording import FloatArray, Run, Wheel
 
 # Starting time constants per decade; every local minimum of this scan is a start.
 SCAN_PER_DECADE = 8
+# A time constant whose 95 % interval reaches further than this factor either way is not known.
+LARGEST_TIME_FACTOR = 4.0
+# The slopes of a first-order response are smooth on this share of its time constant.
+BLOCKS_PER_TIME_CONSTANT = 5
 # The largest effort must reach this for a gain to mean anything.
 LEAST_EFFORT = 0.005
 
@@ -48,6 +52,7 @@ class FirstOrderFit:
     rms_percent: float | None = None
     run_percent: tuple[float, ...] = ()
     scale_mps: float = 0.0
+    notes: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """For `--json`."""
@@ -61,6 +66,7 @@ class FirstOrderFit:
             "free_run_rmse_percent": self.rms_percent,
             "free_run_rmse_percent_by_run": list(self.run_percent),
             "p98_speed_mps": self.scale_mps,
+            "notes": list(self.notes),
         }
 
 
@@ -192,12 +198,19 @@ def fit_first_order(
     run_rms = data.run_rms(residual)
     rms = float(np.sqrt(np.mean(run_rms**2)))
     gain_ci, time_ci = _intervals(data, gain, time_constant, residual)
+    found_gain = Quantity(gain, "m/s", gain_ci)
+    found_time = Quantity(time_constant, "s", time_ci)
+    if gain_ci[0] <= 0.0 <= gain_ci[1]:
+        found_gain = Quantity.unknown("m/s", "not pinned down: its 95 % interval holds zero")
+    if time_ci[1] > LARGEST_TIME_FACTOR**2 * time_ci[0]:
+        reason = f"not pinned down: anything from {time_ci[0]:.2g} to {time_ci[1]:.2g} s fits"
+        found_time = Quantity.unknown("s", reason)
     return FirstOrderFit(
         wheel=wheel,
         label=label,
         runs=names,
-        gain=Quantity(gain, "m/s", gain_ci),
-        time_constant=Quantity(time_constant, "s", time_ci),
+        gain=found_gain,
+        time_constant=found_time,
         rms_mps=rms,
         rms_percent=100.0 * rms / scale,
         run_percent=tuple((100.0 * run_rms / scale).tolist()),
@@ -247,7 +260,9 @@ def _intervals(
         data.simulate(gain, time_constant * np.exp(step)) - data.simulate(gain, time_constant * np.exp(-step))
     ) / (2.0 * step)
     jacobian = np.stack((slope_gain / gain, slope_log), axis=1)
-    spread, quantile = covariance(jacobian, residual, data.weight, data.run_of)
+    interval = float(np.median(data.interval[data.weight > 0.0]))
+    block = max(int(time_constant / BLOCKS_PER_TIME_CONSTANT / interval), 1)
+    spread, quantile = covariance(jacobian, residual, data.weight, data.run_of, block)
     half_gain = quantile * float(np.sqrt(spread[0, 0]))
     factor = float(np.exp(min(quantile * float(np.sqrt(spread[1, 1])), 50.0)))
     return (gain - half_gain, gain + half_gain), (time_constant / factor, time_constant * factor)

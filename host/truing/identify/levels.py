@@ -135,7 +135,7 @@ def _levels_between(
     wander : how far the input may wander inside a level, as a share of it.
     """
     bounds = [0, *edges.tolist(), len(run)]
-    middles = [_middle(value[first:stop], kind) for first, stop in pairwise(bounds)]
+    middles = [_middle(value[first:stop], kind, wander) for first, stop in pairwise(bounds)]
     starts = [float(run.t_s[0])]
     for first, before, after in zip(bounds[1:-1], middles[:-1], middles[1:], strict=True):
         starts.append(_step_time(run, wheel, kind, first, after, before))
@@ -152,8 +152,13 @@ def _levels_between(
     return levels
 
 
-def _middle(values: FloatArray, kind: InputKind) -> float:
-    middle = float(np.mean(values[-max(int(STEADY_SHARE * len(values)), 1) :]))
+def _middle(values: FloatArray, kind: InputKind, wander: float) -> float:
+    """The input of a stretch; its last row may already hold a part of the next step."""
+    if wander == 0.0:
+        middle = float(np.median(values))
+    else:
+        inside = values[:-1] if len(values) > 1 else values
+        middle = float(np.mean(inside[-max(int(STEADY_SHARE * len(inside)), 1) :]))
     return 0.0 if kind == "effort" and abs(middle) < FINE_JUMP else middle
 
 

@@ -1,0 +1,1 @@
+"""From recordings to gains, time constants and models, with intervals and honest reasons."""

@@ -1,0 +1,207 @@
+"""The identification of a whole recording set: steps, free-run fits, and what looks wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from truing.baseline import Baseline
+from truing.identify.data_checks import Finding, check_set
+from truing.identify.first_order import FirstOrderFit, fit_first_order
+from truing.identify.step_metrics import StepMetrics, step_metrics
+from truing.recording import WHEELS, RecordingSet, Run, SpeedSource, Wheel
+
+SCHEMA = 1
+# A wheel whose effort stays below this in a run is not driven there.
+DRIVEN_EFFORT = 0.02
+# A run goes one way when this share of its effort has one sign.
+ONE_WAY_SHARE = 0.95
+# A ramp's time constant this much above the steps' is friction in disguise.
+DOUBT_FACTOR = 1.5
+RAMP_NOTE = (
+    "a ramp alone cannot tell lag from dry friction: without friction in the model, gain and τ come out too high"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class WheelSteps:
+    """The steps of one wheel in one run, or why there are none."""
+
+    wheel: Wheel
+    steps: tuple[StepMetrics, ...]
+    reason: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class RunIdentification:
+    """One run: what was commanded, and the steps of both wheels."""
+
+    name: str
+    source: SpeedSource
+    left: WheelSteps
+    right: WheelSteps
+
+    @property
+    def wheels(self) -> tuple[WheelSteps, WheelSteps]:
+        """Left, right."""
+        return self.left, self.right
+
+    @property
+    def mode(self) -> str:
+        """The paper's label: effort or velocity, and which wheels (E-L, V-B, ...); '' without steps."""
+        driven = [side for side in self.wheels if any(step.input != 0.0 for step in side.steps)]
+        if not driven:
+            return ""
+        kind = "V" if driven[0].steps[0].kind == "velocity" else "E"
+        return f"{kind}-{'B' if len(driven) == 2 else driven[0].wheel[0].upper()}"
+
+    @property
+    def level_count(self) -> int:
+        """The largest number of non-zero levels that a wheel has."""
+        return max(sum(step.input != 0.0 for step in side.steps) for side in self.wheels)
+
+
+@dataclass(frozen=True, slots=True)
+class Identification:
+    """Everything that `truing identify` says about a set."""
+
+    name: str
+    runs: tuple[RunIdentification, ...]
+    fits: tuple[FirstOrderFit, ...]
+    findings: tuple[Finding, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """For `--json`; numbers that could not be determined are null and carry a reason."""
+        return {
+            "schema": SCHEMA,
+            "name": self.name,
+            "runs": [
+                {
+                    "run": run.name,
+                    "mode": run.mode,
+                    "speed_from": run.source,
+                    **{side.wheel: _side_to_json(side) for side in run.wheels},
+                }
+                for run in self.runs
+            ],
+            "first_order": [fit.to_json() for fit in self.fits],
+            "findings": [
+                {"run": finding.run, "wheel": finding.wheel, "topic": finding.topic, "text": finding.text}
+                for finding in self.findings
+            ],
+        }
+
+
+def _silent(share: float) -> None:  # noqa: ARG001 (the form of a progress function)
+    pass
+
+
+def identify_set(recordings: RecordingSet, progress: Callable[[float], None] = _silent) -> Identification:
+    """Identify every run of a set, and fit the runs together.
+
+    Parameters
+    ----------
+    progress : is told the share of the work that is done, 0 to 1.
+    """
+    runs = []
+    for number, run in enumerate(recordings, start=1):
+        runs.append(_identify_run(run, recordings.baseline))
+        progress(0.3 * number / len(recordings))
+    jobs = _fit_jobs(recordings, runs)
+    fits = []
+    for number, (wheel, label, members) in enumerate(jobs, start=1):
+        scale = speed_scale(recordings, wheel)
+        fits.append(fit_first_order(members, wheel, recordings.baseline, label=label, scale_mps=scale))
+        progress(0.3 + 0.7 * number / len(jobs))
+    return Identification(recordings.name, tuple(runs), _doubt_ramps(fits), check_set(recordings))
+
+
+def speed_scale(recordings: RecordingSet, wheel: Wheel) -> float:
+    """The 98th percentile of |speed| of a wheel over the whole set, m/s: what per cents refer to."""
+    speeds = [np.abs(run.speed(wheel, recordings.baseline).values) for run in recordings]
+    return float(np.percentile(np.concatenate(speeds), 98))
+
+
+def _identify_run(run: Run, baseline: Baseline | None) -> RunIdentification:
+    left, right = (WheelSteps(wheel, *step_metrics(run, wheel, baseline)) for wheel in WHEELS)
+    return RunIdentification(run.name, run.speed("left", baseline).source, left, right)
+
+
+def _fit_jobs(
+    recordings: RecordingSet, identified: list[RunIdentification]
+) -> list[tuple[Wheel, str, list[Run]]]:
+    """What to fit: all runs together, and where ramps are among them, each kind and direction alone."""
+    stepped = {run.name: any(side.steps for side in run.wheels) for run in identified}
+    mixed = not all(stepped.values())
+    jobs: list[tuple[Wheel, str, list[Run]]] = []
+    for wheel in WHEELS:
+        driven = [run for run in recordings if float(np.abs(run.effort(wheel)).max()) >= DRIVEN_EFFORT]
+        if not driven:
+            continue
+        jobs.append((wheel, "all runs" if len(driven) > 1 else driven[0].name, driven))
+        if not mixed or len(driven) < 2:
+            continue
+        groups: dict[str, list[Run]] = {}
+        for run in driven:
+            kind = "steps" if stepped[run.name] else "ramps"
+            groups.setdefault(f"{kind} {_direction(run, wheel)}", []).append(run)
+        jobs.extend((wheel, label, groups[label]) for label in sorted(groups))
+    return jobs
+
+
+def _doubt_ramps(fits: list[FirstOrderFit]) -> tuple[FirstOrderFit, ...]:
+    """Mark time constants of ramps that contradict those of the steps.
+
+    On a slow ramp dry friction looks like lag (both put the speed behind the effort by a constant),
+    and a model without friction can only call it lag.
+    """
+    known: dict[Wheel, list[float]] = {"left": [], "right": []}
+    for fit in fits:
+        if fit.label.startswith("steps") and fit.time_constant.value is not None:
+            known[fit.wheel].append(fit.time_constant.value)
+    doubted = []
+    for fit in fits:
+        longest = DOUBT_FACTOR * max(known[fit.wheel], default=float("inf"))
+        value = fit.time_constant.value
+        if fit.label.startswith("ramps") and value is not None and value > longest:
+            doubted.append(replace(fit, notes=(*fit.notes, RAMP_NOTE)))
+        else:
+            doubted.append(fit)
+    return tuple(doubted)
+
+
+def _direction(run: Run, wheel: Wheel) -> str:
+    effort = run.effort(wheel)
+    forward = float(effort[effort > 0.0].sum())
+    backward = float(-effort[effort < 0.0].sum())
+    share = forward / (forward + backward)
+    if share >= ONE_WAY_SHARE:
+        return "forward"
+    return "backward" if share <= 1.0 - ONE_WAY_SHARE else "both ways"
+
+
+def _side_to_json(side: WheelSteps) -> dict[str, Any]:
+    tree: dict[str, Any] = {
+        "steps": [
+            {
+                "step": step.number,
+                "kind": step.kind,
+                "input": step.input,
+                "previous": step.previous,
+                "direction": step.direction,
+                "start_s": step.start_s,
+                "duration_s": step.duration_s,
+                "steady_mps": step.steady_mps,
+                "gain": step.gain.to_json(),
+                "time_constant_s": step.time_constant.to_json(),
+                "notes": list(step.notes),
+            }
+            for step in side.steps
+        ]
+    }
+    if side.reason is not None:
+        tree["reason"] = side.reason
+    return tree
