@@ -85,14 +85,16 @@ class Coordinates:
 def measured_initial(signal: WheelSignal) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Speed at the start of every segment from its first rows, and which segments start at rest.
 
-    A wheel rests when its first rows show no speed above the resolution of the measurement.
+    A wheel rests when its first rows show no speed above half the resolution of the measurement, or
+    above a thousandth of the speeds of the set.
     """
     starts = signal.excitation.starts
+    still = max(0.5 * signal.resolution_mps, 1e-3 * signal.scale_mps)
     initial = np.zeros(signal.excitation.segments)
     resting = np.zeros(signal.excitation.segments, dtype=bool)
     for k in range(signal.excitation.segments):
         head = signal.speed_mps[starts[k] : min(starts[k] + 3, starts[k + 1])]
-        resting[k] = bool(np.all(np.abs(head[:2]) <= 0.5 * signal.resolution_mps + 1e-12))
+        resting[k] = bool(np.all(np.abs(head[:2]) <= still))
         initial[k] = 0.0 if resting[k] else float(np.mean(head))
     return initial, resting
 

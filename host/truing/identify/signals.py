@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from truing.baseline import Baseline
 from truing.errors import IdentifyError
+from truing.model.excitation import Excitation, excitation
 from truing.model.kernel import FloatArray, IntArray
-from truing.model.wheel import Excitation
 from truing.recording import Run, SpeedSource, Wheel
 
 NOMINAL_SUPPLY_V = 12.0
@@ -51,10 +51,9 @@ class WheelSignal:
 
     @property
     def counted(self) -> NDArray[np.bool_]:
-        """Rows that judge a model, shape (n,): a differenced speed does not exist on a first row."""
+        """Rows that judge a model, shape (n,): the first row of a segment is given, not judged."""
         counted = np.ones(len(self), dtype=bool)
-        if self.source != "vel":
-            counted[self.excitation.starts[:-1]] = False
+        counted[self.excitation.starts[:-1]] = False
         return counted
 
     def weights(self) -> FloatArray:
@@ -62,6 +61,11 @@ class WheelSignal:
         counted = self.counted
         counts = np.bincount(self.run_of_row, counted, self.runs)
         return np.asarray(counted / np.sqrt(counts[self.run_of_row] * self.runs))
+
+    @property
+    def scale_mps(self) -> float:
+        """The 98th percentile of |speed| over these runs: what per cents refer to."""
+        return float(np.percentile(np.abs(self.speed_mps), 98.0))
 
     def rms_by_run(self, residual: FloatArray) -> FloatArray:
         """Root mean square of `residual` (n,) in each run, shape (runs,)."""
@@ -71,26 +75,25 @@ class WheelSignal:
 
     def select(self, keep: Sequence[int]) -> WheelSignal:
         """The runs with these indices, in this order."""
-        excitation = self.excitation
+        whole = self.excitation
         rows, starts, intervals, run_of_row = [], [0], [], []
         for new, old in enumerate(keep):
-            for k, (a, b) in enumerate(zip(excitation.starts[:-1], excitation.starts[1:], strict=True)):
+            for k, (a, b) in enumerate(zip(whole.starts[:-1], whole.starts[1:], strict=True)):
                 if self.run_of_row[a] == old:
                     rows.append(np.arange(a, b))
                     run_of_row.append(np.full(b - a, new))
-                    intervals.append(excitation.interval_s[k])
+                    intervals.append(whole.interval_s[k])
                     starts.append(starts[-1] + int(b - a))
         if not rows:
             raise IdentifyError("no run is left to fit")
         index = np.concatenate(rows)
         return WheelSignal(
-            Excitation(
-                excitation.t_s[index],
-                excitation.effort[index],
-                excitation.supply[index],
+            excitation(
+                whole.t_s[index],
+                whole.effort[index],
+                whole.supply[index],
                 np.array(starts, dtype=np.int64),
                 np.array(intervals),
-                excitation.mean_over_interval,
             ),
             self.speed_mps[index],
             np.concatenate(run_of_row),
@@ -143,7 +146,7 @@ def wheel_signal(runs: Sequence[Run], wheel: Wheel, baseline: Baseline | None = 
         np.ascontiguousarray(np.concatenate([piece[k] for piece in pieces])) for k in range(4)
     )
     return WheelSignal(
-        Excitation(t, effort, supply_all, np.array(starts, dtype=np.int64), np.array(intervals)),
+        excitation(t, effort, supply_all, np.array(starts, dtype=np.int64), np.array(intervals)),
         speed_all,
         np.concatenate(run_of_row),
         tuple(run.name for run in runs),

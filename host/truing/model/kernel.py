@@ -153,9 +153,11 @@ def _advance(p: FloatArray, state: FloatArray, drive: float, h_total: float, max
 def rollout(
     p: FloatArray,
     t: FloatArray,
-    effort: FloatArray,
-    supply: FloatArray,
     starts: IntArray,
+    piece_end: FloatArray,
+    piece_effort: FloatArray,
+    piece_supply: FloatArray,
+    piece_starts: IntArray,
     interval: FloatArray,
     initial: FloatArray,
     mean_over_interval: bool,
@@ -169,9 +171,11 @@ def rollout(
     ----------
     p : shape (PARAMETER_COUNT,).
     t : shape (n,), s, increasing inside a segment.
-    effort : shape (n,), mean over the interval that ends at each row.
-    supply : shape (n,), relative deviation of the supply from nominal (zeros when not measured).
     starts : shape (segments + 1,), first row of each segment, and n.
+    piece_end : shape (m,), s, where each piece of constant input ends, before delay.
+    piece_effort : shape (m,).
+    piece_supply : shape (m,), relative deviation of the supply from nominal (0 when not measured).
+    piece_starts : shape (segments + 1,), first piece of each segment, and m.
     interval : shape (segments,), s, the usual time between rows.
     initial : shape (segments,), m/s, speed at the first row of each segment.
     mean_over_interval : speed as the mean since the last row, else at the row's instant.
@@ -193,9 +197,10 @@ def rollout(
         state[2] = v0
         # The first row tells the input of the usual interval before it. What came earlier is unknown,
         # so the wheel keeps its initial speed until the first known input arrives.
-        j = first
+        j = piece_starts[segment]
+        last_piece = piece_starts[segment + 1] - 1
         arrival = t[first] - interval[segment] + delay
-        u = effort[j] * (1.0 + p[SUPPLY_SHARE] * supply[j])
+        u = piece_effort[j] * (1.0 + p[SUPPLY_SHARE] * piece_supply[j])
         state[3] = u + p[OFFSET]
         filtered[first] = v0
         travel_out[first] = 0.0
@@ -207,13 +212,12 @@ def rollout(
                     state[1] += v0 * (until - now)
                     now = until
                     continue
-                # Input row j acts on (t[j-1] + delay, t[j] + delay].
-                while j < last - 1 and t[j] + delay <= now:
+                while j < last_piece and piece_end[j] + delay <= now:
                     j += 1
-                u = effort[j] * (1.0 + p[SUPPLY_SHARE] * supply[j])
+                u = piece_effort[j] * (1.0 + p[SUPPLY_SHARE] * piece_supply[j])
                 until = t[k]
-                if j < last - 1 and t[j] + delay < until:
-                    until = t[j] + delay
+                if j < last_piece and piece_end[j] + delay < until:
+                    until = piece_end[j] + delay
                 _advance(p, state, u + p[OFFSET], until - now, max_step)
                 now = until
             filtered[k] = state[2]

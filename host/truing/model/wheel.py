@@ -9,7 +9,8 @@ import numpy as np
 
 from truing.errors import TruingError
 from truing.model import kernel
-from truing.model.kernel import FloatArray, IntArray
+from truing.model.excitation import Excitation
+from truing.model.kernel import FloatArray
 
 # Largest piece (s) where friction depends on speed; halving it moves no result of the tests by 1e-4 m/s.
 MAX_STEP_S = 2.5e-3
@@ -129,35 +130,6 @@ def kernel_vector(values: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True)
-class Excitation:
-    """What drives a simulation: one or more segments laid end to end, n rows in all.
-
-    Attributes
-    ----------
-    t_s : shape (n,), s, increasing inside a segment; uneven steps are fine.
-    effort : shape (n,), -1..1, mean over the interval that ends at each row.
-    supply : shape (n,), relative deviation of the supply voltage from nominal; zeros when unknown.
-    starts : shape (segments + 1,), first row of every segment, and n.
-    interval_s : shape (segments,), s, the usual time between rows; the first row's effort is the
-        mean over that long before it.
-    mean_over_interval : the speed is a mean over the interval that ends at the row (counts, our own
-        log), not a reading at the row's instant.
-    """
-
-    t_s: FloatArray
-    effort: FloatArray
-    supply: FloatArray
-    starts: IntArray
-    interval_s: FloatArray
-    mean_over_interval: bool = True
-
-    @property
-    def segments(self) -> int:
-        """How many segments there are."""
-        return len(self.starts) - 1
-
-
-@dataclass(frozen=True, slots=True)
 class Response:
     """A free-run simulation: `speed_mps` and `travel_m`, each of shape (n,).
 
@@ -183,9 +155,11 @@ def simulate_physics(
     kernel.rollout(
         kernel_vector(values),
         excitation.t_s,
-        excitation.effort,
-        excitation.supply,
         excitation.starts,
+        excitation.pieces.end_s,
+        excitation.pieces.effort,
+        excitation.pieces.supply,
+        excitation.pieces.starts,
         excitation.interval_s,
         np.ascontiguousarray(initial_mps, dtype=np.float64),
         excitation.mean_over_interval,

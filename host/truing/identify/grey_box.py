@@ -1,0 +1,185 @@
+"""One wheel's physics from runs: fit, intervals, and the error on runs that the fit never saw."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from truing.baseline import Baseline
+from truing.errors import IdentifyError
+from truing.identify.model_error import FreeRunError, free_run_error
+from truing.identify.output_error import PhysicsFit, fit_nested, fit_physics, measured_initial
+from truing.identify.quantity import Quantity
+from truing.identify.signals import WheelSignal, wheel_signal
+from truing.identify.structures import DELAY, FREEDOMS, Structure
+from truing.identify.structures import structure as structure_named
+from truing.identify.uncertainty import covariance
+from truing.model.kernel import FloatArray
+from truing.model.wheel import PHYSICS_FIELDS, WheelPhysics, simulate_physics
+from truing.recording import Run, Wheel
+
+UNITS: dict[str, str] = {
+    "gain_mps": "m/s",
+    "time_constant_s": "s",
+    "delay_s": "s",
+    "friction": "effort",
+    "breakaway_excess": "effort",
+    "stribeck_mps": "m/s",
+    "drag": "effort/(m/s)^2",
+    "offset": "effort",
+    "lag_s": "s",
+    "recorder_lag_s": "s",
+    "recorder_window_s": "s",
+}
+RATIO = "ratio"
+
+
+@dataclass(frozen=True, slots=True)
+class WheelFit:
+    """A fitted wheel, what pins it down, and how well it simulates.
+
+    Attributes
+    ----------
+    parameters : the free parameters, each with its 95 % interval or why there is none.
+    free_run : simulation error on the runs that were fitted.
+    held_out : the same with every run left out of the fit in turn; None when it was not asked for.
+    predicted_mps : shape (n,), the simulation, row by row of `signal`.
+    notes : what a user should know before using the numbers.
+    """
+
+    wheel: Wheel
+    structure: Structure
+    physics: WheelPhysics
+    parameters: dict[str, Quantity]
+    free_run: FreeRunError
+    held_out: FreeRunError | None
+    signal: WheelSignal = field(repr=False)
+    predicted_mps: FloatArray = field(repr=False)
+    notes: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {
+            "wheel": self.wheel,
+            "model": "grey_box",
+            "structure": self.structure.name,
+            "parameters": {name: quantity.to_json() for name, quantity in self.parameters.items()},
+            "free_run": self.free_run.to_json(),
+            "free_run_held_out": None if self.held_out is None else self.held_out.to_json(),
+            "notes": list(self.notes),
+        }
+
+
+def fit_wheel(
+    runs: Sequence[Run],
+    side: Wheel,
+    structure: Structure | str = DELAY,
+    baseline: Baseline | None = None,
+    *,
+    hold_out: bool = True,
+) -> WheelFit:
+    """Fit one wheel's physics to all runs together, every run with the same weight.
+
+    Parameters
+    ----------
+    structure : which parameters are free, or the name of such a choice (see `structures`).
+    baseline : what turns counts into travel.
+    hold_out : also leave out every run in turn (needs two runs or more).
+    """
+    if isinstance(structure, str):
+        structure = structure_named(structure)
+    signal = wheel_signal(runs, side, baseline)
+    fit = fit_structure(signal, structure)
+    by_run = signal.rms_by_run(fit.predicted_mps - signal.speed_mps)
+    held_out = leave_one_run_out(signal, structure) if hold_out and signal.runs > 1 else None
+    parameters, notes = _quantities(signal, fit)
+    return WheelFit(
+        side,
+        structure,
+        fit.physics,
+        parameters,
+        free_run_error(signal.names, by_run, signal.scale_mps),
+        held_out,
+        signal,
+        fit.predicted_mps,
+        tuple(notes),
+    )
+
+
+def fit_structure(signal: WheelSignal, structure: Structure) -> PhysicsFit:
+    """Fit a structure; one richer than friction and delay is searched for from that model's fit."""
+    inner = tuple(name for name in DELAY.free if name in structure.free)
+    if len(inner) == len(structure.free) or "gain_mps" not in inner:
+        return fit_physics(signal, structure)
+    simple = fit_physics(signal, Structure("inner", inner))
+    return fit_nested(signal, structure, simple)
+
+
+def leave_one_run_out(signal: WheelSignal, structure: Structure) -> FreeRunError:
+    """Free-run error of every run under the model fitted to the others.
+
+    The left-out run gives its efforts and the speed of its first rows, nothing else.
+    """
+    if signal.runs < 2:
+        raise IdentifyError("leaving one run out needs two runs or more")
+    by_run = np.zeros(signal.runs)
+    for index in range(signal.runs):
+        fit = fit_structure(signal.select([k for k in range(signal.runs) if k != index]), structure)
+        left_out = signal.select([index])
+        predicted = simulate_signal(fit.physics, left_out)
+        by_run[index] = left_out.rms_by_run(predicted - left_out.speed_mps)[0]
+    return free_run_error(signal.names, by_run, signal.scale_mps, held_out=True)
+
+
+def simulate_signal(physics: WheelPhysics, signal: WheelSignal) -> FloatArray:
+    """Free-run simulation from the measured first rows of every segment, shape (n,), m/s."""
+    initial, _ = measured_initial(signal)
+    return simulate_physics(physics.to_vector(), signal.excitation, initial).speed_mps
+
+
+def _quantities(signal: WheelSignal, fit: PhysicsFit) -> tuple[dict[str, Quantity], list[str]]:
+    """Parameters with 95 % intervals under residuals that may be autocorrelated."""
+    minimum = fit.minimum
+    weights = signal.weights()
+    judged = weights > 0.0
+    raw = np.zeros_like(minimum.jacobian)
+    raw[judged] = minimum.jacobian[judged] / weights[judged, None]
+    residual = fit.predicted_mps - signal.speed_mps
+    strength = np.sqrt(np.einsum("ij,ij->j", minimum.jacobian, minimum.jacobian))
+    told = strength > 1e-9 * max(float(strength.max()), 1e-300)
+    spread = np.zeros((len(told), len(told)))
+    part, factor = covariance(raw[:, told], residual, weights, signal.run_of_row.astype(np.intp))
+    spread[np.ix_(told, told)] = part
+
+    values = fit.physics.to_vector()
+    parameters: dict[str, Quantity] = {}
+    notes: list[str] = []
+    for k, name in enumerate(fit.structure.free):
+        unit = UNITS.get(name, RATIO)
+        value = float(values[PHYSICS_FIELDS.index(name)])
+        freedom = FREEDOMS[name]
+        if not told[k]:
+            parameters[name] = Quantity.unknown(unit, "these runs do not depend on it")
+            notes.append(f"{name}: these runs do not depend on it")
+            continue
+        margin = factor * math.sqrt(max(float(spread[k, k]), 0.0))
+        if freedom.log:
+            low, high = value * math.exp(-min(margin, 50.0)), value * math.exp(min(margin, 50.0))
+        else:
+            low, high = value - margin, value + margin
+        low, high = max(low, freedom.lower), min(high, freedom.upper)
+        edge = 1e-6 * (freedom.upper - freedom.lower)
+        if value <= freedom.lower + edge and name not in ("delay_s", "friction", "breakaway_excess"):
+            notes.append(f"{name} stands at the lower end of what is searched ({freedom.lower:g} {unit})")
+        if value >= freedom.upper - edge:
+            notes.append(f"{name} stands at the upper end of what is searched ({freedom.upper:g} {unit})")
+        parameters[name] = Quantity(value, unit, (low, high))
+    if not minimum.converged:
+        notes.append("the search was still improving when it was stopped")
+    if fit.physics.gain_mps < 0.0:
+        notes.append("the gain is negative: effort and speed have opposite signs in this recording")
+    return parameters, notes
