@@ -1,0 +1,231 @@
+/* The whole board: creation, power, reset, and running it to a time. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "machine.h"
+
+/* RCC_CSR flags of each cause; every reset also pulls NRST (RM0090 7.1.2). */
+static const uint32_t cause_flags[] = {[BOARD_RESET_POWER] = 0x0E000000u,
+                                       [BOARD_RESET_BROWNOUT] = 0x06000000u,
+                                       [BOARD_RESET_PIN] = 0x04000000u,
+                                       [BOARD_RESET_SOFTWARE] = 0x14000000u,
+                                       [BOARD_RESET_WATCHDOG] = 0x24000000u};
+
+static void fill_noise(uint8_t *memory, size_t length, uint64_t seed)
+{
+    uint64_t state = seed * 0x9E3779B97F4A7C15ULL + 1;
+    for (size_t i = 0; i + 8 <= length; i += 8) {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        memcpy(memory + i, &state, 8);
+    }
+}
+
+/* Unique id and flash size sit in the system memory (RM0090 section 39). */
+static void fill_system(struct board *b)
+{
+    const uint16_t flash_kib = FLASH_SIZE / 1024;
+    memset(b->system, 0xFF, SYSTEM_SIZE);
+    memcpy(b->system + 0x7A10, b->options.unique_id, sizeof b->options.unique_id);
+    memcpy(b->system + 0x7A22, &flash_kib, sizeof flash_kib);
+}
+
+struct board *board_create(const struct board_options *options)
+{
+    struct board *b = calloc(1, sizeof *b);
+    if (b == NULL) {
+        return NULL;
+    }
+    b->options = *options;
+    b->flash_array = aligned_alloc(4096, FLASH_SIZE);
+    b->flash_shadow = malloc(FLASH_SIZE);
+    b->sram = aligned_alloc(4096, SRAM_SIZE);
+    b->ccm = aligned_alloc(4096, CCM_SIZE);
+    b->system = aligned_alloc(4096, SYSTEM_SIZE);
+    b->flash_blocks = calloc(FLASH_SIZE / 2, sizeof *b->flash_blocks);
+    b->crystal_alive = true;
+    b->flash_cut_after = -1;
+    b->clock.hz = HSI_HZ;
+    b->next_event = NEVER;
+    for (unsigned i = 0; i < EVENTS; i++) {
+        b->events[i].at = NEVER;
+    }
+    bool memory = b->flash_array != NULL && b->flash_shadow != NULL && b->sram != NULL && b->ccm != NULL &&
+                  b->system != NULL && b->flash_blocks != NULL;
+    if (!memory || !core_open(b)) {
+        board_destroy(b);
+        return NULL;
+    }
+    memset(b->flash_array, 0xFF, FLASH_SIZE);
+    memset(b->flash_shadow, 0xFF, FLASH_SIZE);
+    fill_system(b);
+    b->rng_state = options->seed * 0xD1342543DE82EF95ULL + 0x9E3779B97F4A7C15ULL;
+    return b;
+}
+
+void board_destroy(struct board *board)
+{
+    if (board == NULL) {
+        return;
+    }
+    if (board->uc != NULL) {
+        uc_close(board->uc);
+    }
+    for (int i = 1; i <= USARTS; i++) {
+        free(board->usart[i].inbound);
+    }
+    free(board->flash_array);
+    free(board->flash_shadow);
+    free(board->sram);
+    free(board->ccm);
+    free(board->system);
+    free(board->flash_blocks);
+    free(board);
+}
+
+bool board_flash(struct board *board, uint32_t address, const uint8_t *data, size_t length)
+{
+    uint32_t offset = address - FLASH_BASE;
+    if (offset >= FLASH_SIZE || length > FLASH_SIZE - offset) {
+        return false;
+    }
+    memcpy(board->flash_array + offset, data, length);
+    memcpy(board->flash_shadow + offset, data, length);
+    blocks_forget(board, offset & ~1u, (uint32_t)(length + 1) & ~1u);
+    uc_ctl_flush_tb(board->uc);
+    return true;
+}
+
+static void reset_peripherals(struct board *b, enum board_reset cause)
+{
+    uint32_t demcr = b->scb.demcr;
+    b->nvic = (struct nvic){.enabled = {0xFFFFu}, .active_group = 256, .best_priority = 256};
+    b->scb = (struct scb){.ccr = 0x200, .fpccr = 0xC0000000u};
+    b->scb.demcr = cause == BOARD_RESET_POWER ? 0 : demcr; /* only power-on clears the debug unit */
+    rcc_reset(b, cause_flags[cause]);
+    iwdg_reset(b);
+    systick_reset(b);
+    flash_reset(b);
+    for (int i = 1; i <= TIMERS; i++) {
+        timer_reset(b, i);
+    }
+    for (int i = 0; i < PORTS; i++) {
+        gpio_reset(b, i);
+    }
+    for (int i = 1; i <= USARTS; i++) {
+        usart_reset(b, i);
+    }
+    adc_reset(b);
+    b->exti = (struct exti){0};
+    b->pwr_cr = 0x4000u;
+    b->rng_cr = 0;
+    b->syscfg_memrmp = b->syscfg_pmc = 0;
+    memset(b->syscfg_exticr, 0, sizeof b->syscfg_exticr);
+    nvic_refresh(b);
+}
+
+void board_reset(struct board *board, enum board_reset cause)
+{
+    board->reset_wanted = false;
+    if (!board->powered) {
+        return;
+    }
+    if (board->moment < board->now) {
+        board->moment = board->now;
+    }
+    board->now = board->moment;
+    board->stats.resets++;
+    trace_add(board, TRACE_RESET, (uint32_t)cause, board->stats.resets);
+    board->clock_dead = false;
+    reset_peripherals(board, cause);
+    if (cause == BOARD_RESET_POWER) {
+        board->rcc.csr = cause_flags[cause];
+    }
+    core_reset(board);
+    pins_update(board);
+    core_update_break(board);
+}
+
+void board_power(struct board *board, bool on)
+{
+    if (on && !board->powered) {
+        board->powered = true;
+        uint64_t seed = board->options.seed + 1000003u * board->power_cycles++;
+        fill_noise(board->sram, SRAM_SIZE, seed);
+        fill_noise(board->ccm, CCM_SIZE, seed + 7919u);
+        uc_ctl_flush_tb(board->uc);
+        board_reset(board, BOARD_RESET_POWER);
+    } else if (!on && board->powered) {
+        reset_peripherals(board, BOARD_RESET_POWER);
+        board->powered = false;
+        board->needs_check = true; /* leave the engine at the next block */
+        pins_update(board);
+        core_update_break(board);
+    }
+}
+
+void board_set_crystal(struct board *board, bool alive)
+{
+    if (board->crystal_alive != alive) {
+        board->crystal_alive = alive;
+        if (board->powered) {
+            rcc_crystal_changed(board);
+        }
+    }
+}
+
+void board_cut_power_at_flash_write(struct board *board, int64_t operations)
+{
+    board->flash_cut_after = operations;
+}
+
+void board_run_until(struct board *board, uint64_t time_ps)
+{
+    if (time_ps <= board->target_ps) {
+        return;
+    }
+    board->target_ps = time_ps;
+    board->target = time_to_cycle(board, time_ps);
+    core_update_break(board);
+    core_run(board);
+}
+
+bool board_read_memory(const struct board *board, uint32_t address, uint8_t *out, size_t length)
+{
+    const uint8_t *memory = core_memory(board, address, length, false);
+    if (memory != NULL) {
+        memcpy(out, memory, length);
+    }
+    return memory != NULL;
+}
+
+bool board_write_memory(struct board *board, uint32_t address, const uint8_t *data, size_t length)
+{
+    uint8_t *memory = core_memory(board, address, length, true);
+    if (memory != NULL) {
+        memcpy(memory, data, length);
+        uc_ctl_remove_cache(board->uc, address, (uint64_t)address + length);
+    }
+    return memory != NULL;
+}
+
+void board_cost(const struct board *board, unsigned exception, struct board_cost *out)
+{
+    *out = exception < BOARD_EXCEPTIONS ? board->cost[exception] : (struct board_cost){0};
+    for (size_t i = 0; i <= board->depth && exception < BOARD_EXCEPTIONS; i++) {
+        if (board->running[i].exception == exception) {
+            out->instructions += board->running[i].instructions;
+            out->cycles += board->running[i].cycles;
+        }
+    }
+}
+
+void board_stats(const struct board *board, struct board_stats *out)
+{
+    *out = board->stats;
+    out->cycles = board->now;
+    out->core_hz = board->clock.hz;
+    out->locked_up = board->locked_up;
+    out->powered = board->powered;
+}

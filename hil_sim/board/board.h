@@ -1,0 +1,120 @@
+/* The virtual board: an STM32F405 that runs the image that is flashed, seen from its pins and its power plug. */
+#ifndef BOARD_H
+#define BOARD_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct board;
+
+/* A package pin, for example {'B', 10}. */
+struct board_pin {
+    char port;
+    uint8_t number;
+};
+
+enum board_reset {
+    BOARD_RESET_POWER,    /* power-on: SRAM holds noise afterwards */
+    BOARD_RESET_BROWNOUT, /* supply dipped: SRAM keeps its content */
+    BOARD_RESET_PIN,      /* NRST pulled low */
+    BOARD_RESET_SOFTWARE, /* AIRCR.SYSRESETREQ */
+    BOARD_RESET_WATCHDOG  /* IWDG starved */
+};
+
+/* What is soldered around the chip. Every time is virtual, in picoseconds since creation. */
+struct board_wires {
+    void *context;
+    /* A watched pin's drive changed: fraction of time it is high (0, 1, or the PWM duty), or below 0: not driven. */
+    void (*pin_driven)(void *context, struct board_pin pin, double duty, uint64_t time_ps);
+    /* Position of an encoder wired with board_wire_encoder, in quadrature counts (x4). */
+    int64_t (*encoder_position)(void *context, int encoder, uint64_t time_ps);
+    /* Voltage at an analogue pin. */
+    double (*pin_voltage)(void *context, struct board_pin pin, uint64_t time_ps);
+    /* A byte left the transmitter of USART 1..3; line_baud is what the divider makes of the clock. */
+    void (*usart_sent)(void *context, int usart, uint8_t byte, double line_baud, uint64_t time_ps);
+};
+
+struct board_options {
+    uint64_t seed;      /* of SRAM noise at power-on and of the random number generator */
+    uint8_t unique_id[12];
+    uint32_t crystal_hz; /* 0: no crystal ever starts */
+    struct board_wires wires;
+};
+
+/* NULL when the CPU engine cannot be opened. */
+struct board *board_create(const struct board_options *options);
+void board_destroy(struct board *board);
+
+/* Writes an image into flash as a programmer would, before power-on. False: outside flash. */
+bool board_flash(struct board *board, uint32_t address, const uint8_t *data, size_t length);
+
+void board_watch_pin(struct board *board, struct board_pin pin);
+/* Wires encoder (0..3) with phase A to one pin and phase B to another. */
+void board_wire_encoder(struct board *board, int encoder, struct board_pin a, struct board_pin b);
+
+/* The power plug and the reset button. */
+void board_power(struct board *board, bool on);
+void board_reset(struct board *board, enum board_reset cause);
+
+/* The crystal stops (or starts) now. */
+void board_set_crystal(struct board *board, bool alive);
+/* Flash operations after this many more stop half way and the board loses power; negative: never. */
+void board_cut_power_at_flash_write(struct board *board, int64_t operations);
+
+/* Runs until the given virtual time; how a span is split into calls changes nothing. */
+void board_run_until(struct board *board, uint64_t time_ps);
+uint64_t board_time_ps(const struct board *board);
+
+/* A byte comes in on the line of USART 1..3, start bit at the given time or when the line is free again. */
+void board_usart_receive(struct board *board, int usart, uint8_t byte, double line_baud, uint64_t start_ps);
+/* Bytes that have not yet been clocked in completely. */
+size_t board_usart_inbound(const struct board *board, int usart);
+
+/* Memory as a debugger sees it: no side effects on registers. False: not memory. */
+bool board_read_memory(const struct board *board, uint32_t address, uint8_t *out, size_t length);
+bool board_write_memory(struct board *board, uint32_t address, const uint8_t *data, size_t length);
+
+/* Hash over all time-stamped events at the pins so far, 128 bits. */
+void board_trace_hash(const struct board *board, uint64_t out[2]);
+uint64_t board_trace_count(const struct board *board);
+
+enum { BOARD_EXCEPTIONS = 98 }; /* 16 of the core, 82 of the chip */
+
+/* Cost of one exception number (0: thread mode). Nested exceptions are not counted in. */
+struct board_cost {
+    uint64_t activations;
+    uint64_t instructions;
+    uint64_t worst_instructions; /* of one activation */
+    uint64_t cycles;
+    uint64_t worst_cycles;
+};
+void board_cost(const struct board *board, unsigned exception, struct board_cost *out);
+
+struct board_stats {
+    uint64_t cycles;        /* of the core's clock, asleep or not */
+    uint64_t sleep_cycles;  /* in WFI */
+    uint64_t instructions;
+    uint64_t interrupts;
+    uint64_t tail_chains;
+    uint64_t registers;     /* peripheral accesses */
+    uint64_t resets;
+    uint32_t core_hz;
+    bool locked_up;         /* a fault inside the hard fault handler: only a reset helps */
+    bool powered;
+};
+void board_stats(const struct board *board, struct board_stats *out);
+
+/* Oddities met so far: registers not modelled, peripherals without clock, pins not routed. One line each, NULL past
+   the end; hits counts how often. */
+const char *board_warning(const struct board *board, size_t index, uint64_t *hits);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,388 @@
+/* The core: Unicorn runs the instructions, block by block; this file keeps its time and steps in between blocks. */
+#include "machine.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#define OPCODE_WFI 0xBF30u
+#define NO_END     0xFFFFFFFEu /* an address that code never reaches */
+
+/* Interrupt numbers of Unicorn's ARM, as observed with 2.1.4. */
+enum { TRAP_SVC = 2, TRAP_PREFETCH_ABORT = 3, TRAP_BREAKPOINT = 7, TRAP_EXCEPTION_RETURN = 8 };
+
+uint32_t core_get(struct board *b, int reg)
+{
+    uint32_t value = 0;
+    uc_reg_read(b->uc, reg, &value);
+    return value;
+}
+
+void core_set(struct board *b, int reg, uint32_t value)
+{
+    uc_reg_write(b->uc, reg, &value);
+}
+
+/* Host address of guest memory, NULL where there is none (or none to write). */
+uint8_t *core_memory(const struct board *b, uint32_t address, size_t length, bool write)
+{
+    const struct {
+        uint32_t base, size;
+        uint8_t *host;
+        bool writable;
+    } map[] = {{SRAM_BASE, SRAM_SIZE, b->sram, true},
+               {CCM_BASE, CCM_SIZE, b->ccm, true},
+               {FLASH_BASE, FLASH_SIZE, b->flash_array, false},
+               {0, FLASH_SIZE, b->flash_array, false},
+               {SYSTEM_BASE, SYSTEM_SIZE, b->system, false}};
+    for (size_t i = 0; i < sizeof map / sizeof map[0]; i++) {
+        uint32_t offset = address - map[i].base;
+        if (offset < map[i].size && length <= map[i].size - offset && (map[i].writable || !write)) {
+            return map[i].host + offset;
+        }
+    }
+    return NULL;
+}
+
+/* The cycle at which the hook must hand over: an event, the end of the span, or at once. */
+void core_update_break(struct board *b)
+{
+    uint64_t at = b->next_event < b->target ? b->next_event : b->target;
+    b->break_at = b->needs_check || b->reset_wanted || b->stall_until > b->now || b->flash.window_open ? 0 : at;
+}
+
+void core_count(struct board *b, uint64_t instructions, uint64_t cycles)
+{
+    struct running *top = &b->running[b->depth];
+    top->instructions += instructions;
+    top->cycles += cycles;
+    b->stats.instructions += instructions;
+}
+
+static void finish_block(struct board *b)
+{
+    b->now += b->current.cycles;
+    core_count(b, b->current.instructions, b->current.cycles);
+    b->it_left = b->current.it_left;
+    b->current = (struct block){0};
+    b->accesses = 0;
+    if (b->moment < b->now) {
+        b->moment = b->now;
+    }
+}
+
+/* A fault ended the block early: charge only what ran before the faulting instruction. */
+static void cut_block(struct board *b, uint32_t pc)
+{
+    uint32_t done = pc - b->block_pc;
+    const uint8_t *code = core_memory(b, b->block_pc, done, false);
+    if (b->current.cycles != 0 && code != NULL && done < b->current.size) {
+        uint8_t flags = b->current.flags;
+        block_measure(code, done, b->it_left, &b->current);
+        b->current.flags = flags;
+    }
+    finish_block(b);
+}
+
+static const struct block *measured(struct board *b, uint32_t pc, uint32_t size, struct block *scratch)
+{
+    uint32_t offset = pc >= FLASH_BASE ? pc - FLASH_BASE : pc;
+    if (offset < FLASH_SIZE && b->it_left == 0) {
+        struct block *known = &b->flash_blocks[offset / 2];
+        if (known->size != size || known->flags == 0) {
+            block_measure(b->flash_array + offset, size, 0, known);
+        }
+        return known;
+    }
+    const uint8_t *code = core_memory(b, pc, size, false);
+    if (code == NULL) {
+        *scratch = (struct block){.cycles = 1, .instructions = 1, .size = (uint16_t)size, .flags = BLOCK_KNOWN};
+    } else {
+        block_measure(code, size, b->it_left, scratch);
+    }
+    return scratch;
+}
+
+/* A pending exception that only PRIMASK and its like hold back is no reason to leave the engine. */
+static bool must_leave(struct board *b)
+{
+    if (!b->powered || b->reset_wanted || b->now >= b->next_event || b->now >= b->target || b->stall_until > b->now ||
+        b->flash.window_open) {
+        return true;
+    }
+    return b->nvic.best != 0 && b->nvic.best_priority < nvic_execution_priority(b);
+}
+
+/* Called by the engine before each block. Leaving here means: the block has not begun. */
+static void on_block(uc_engine *uc, uint64_t address, uint32_t size, void *user)
+{
+    struct board *b = user;
+    finish_block(b);
+    b->block_pc = (uint32_t)address;
+    if (b->it_left == 0 && b->now >= b->break_at && must_leave(b)) {
+        b->at_block = true;
+        uc_emu_stop(uc);
+        return;
+    }
+    struct block scratch;
+    const struct block *block = measured(b, (uint32_t)address, size, &scratch);
+    if ((block->flags & BLOCK_FP) != 0 && b->no_fp) {
+        b->at_block = true;
+        b->trap = TRAP_NONE;
+        b->fault_type = -1;
+        b->fault_seen = true;
+        uc_emu_stop(uc);
+        return;
+    }
+    b->current = *block;
+}
+
+static void on_interrupt(uc_engine *uc, uint32_t number, void *user)
+{
+    struct board *b = user;
+    b->trap = (int)number;
+    uc_emu_stop(uc);
+}
+
+static bool on_memory_fault(uc_engine *uc, uc_mem_type type, uint64_t address, int size, int64_t value, void *user)
+{
+    struct board *b = user;
+    (void)uc, (void)size, (void)value;
+    if (type == UC_MEM_WRITE_PROT && flash_store(b, (uint32_t)address)) {
+        return true;
+    }
+    b->fault_seen = true;
+    b->fault_address = (uint32_t)address;
+    b->fault_type = (int)type;
+    return false;
+}
+
+typedef void (*any_function)(void);
+
+static bool add_hook(struct board *b, int kinds, any_function callback)
+{
+    uc_hook handle;
+    void *pointer;
+    memcpy(&pointer, &callback, sizeof pointer);
+    return uc_hook_add(b->uc, &handle, kinds, pointer, b, 1, 0) == UC_ERR_OK;
+}
+
+bool core_open(struct board *b)
+{
+    if (uc_open(UC_ARCH_ARM, (uc_mode)(UC_MODE_THUMB | UC_MODE_MCLASS), &b->uc) != UC_ERR_OK) {
+        return false;
+    }
+    bool good = uc_ctl_set_cpu_model(b->uc, UC_CPU_ARM_CORTEX_M4) == UC_ERR_OK;
+    const uint32_t code = UC_PROT_READ | UC_PROT_EXEC;
+    good = good && uc_mem_map_ptr(b->uc, FLASH_BASE, FLASH_SIZE, code, b->flash_array) == UC_ERR_OK;
+    good = good && uc_mem_map_ptr(b->uc, 0, FLASH_SIZE, code, b->flash_array) == UC_ERR_OK;
+    good = good && uc_mem_map_ptr(b->uc, SYSTEM_BASE, SYSTEM_SIZE, code, b->system) == UC_ERR_OK;
+    good = good && uc_mem_map_ptr(b->uc, SRAM_BASE, SRAM_SIZE, UC_PROT_ALL, b->sram) == UC_ERR_OK;
+    /* CCM hangs on the data bus only (RM0090 2.3.1): no code runs from it. */
+    good = good && uc_mem_map_ptr(b->uc, CCM_BASE, CCM_SIZE, UC_PROT_READ | UC_PROT_WRITE, b->ccm) == UC_ERR_OK;
+    good = good && bus_map(b);
+    good = good && add_hook(b, UC_HOOK_BLOCK, (any_function)on_block);
+    good = good && add_hook(b, UC_HOOK_INTR, (any_function)on_interrupt);
+    return good && add_hook(b, UC_HOOK_MEM_INVALID, (any_function)on_memory_fault);
+}
+
+/* Registers as reset leaves them; stack pointer and start address come from the vector table (PM0214 2.1.3). */
+void core_reset(struct board *b)
+{
+    static const int cleared[] = {UC_ARM_REG_R0,  UC_ARM_REG_R1, UC_ARM_REG_R2,  UC_ARM_REG_R3,  UC_ARM_REG_R4,
+                                  UC_ARM_REG_R5,  UC_ARM_REG_R6, UC_ARM_REG_R7,  UC_ARM_REG_R8,  UC_ARM_REG_R9,
+                                  UC_ARM_REG_R10, UC_ARM_REG_R11, UC_ARM_REG_R12, UC_ARM_REG_FPSCR};
+    b->current = (struct block){0};
+    b->it_left = 0;
+    b->sleeping = b->locked_up = false;
+    b->no_fp = true;
+    b->depth = 0;
+    b->running[0] = (struct running){0};
+    core_set(b, UC_ARM_REG_XPSR_NZCVQG, 0x01000000u | EXC_NMI); /* handler mode: privileged, whatever was before */
+    for (size_t i = 0; i < sizeof cleared / sizeof cleared[0]; i++) {
+        core_set(b, cleared[i], 0);
+    }
+    core_set(b, UC_ARM_REG_PRIMASK, 0);
+    core_set(b, UC_ARM_REG_BASEPRI, 0);
+    core_set(b, UC_ARM_REG_FAULTMASK, 0);
+    core_set(b, UC_ARM_REG_CONTROL, 0);
+    core_set(b, UC_ARM_REG_PSP, 0);
+    core_set(b, UC_ARM_REG_XPSR_NZCVQG, 0x01000000u);
+    uint32_t vectors[2];
+    memcpy(vectors, b->flash_array, sizeof vectors);
+    core_set(b, UC_ARM_REG_SP, vectors[0] & ~3u);
+    core_set(b, UC_ARM_REG_LR, 0xFFFFFFFFu);
+    core_set(b, UC_ARM_REG_PC, vectors[1] | 1u);
+}
+
+/* Where the first FP instruction of a block lies, for the fault that a switched-off coprocessor raises. */
+static uint32_t first_fp(struct board *b, uint32_t pc, uint32_t *before)
+{
+    struct block probe = {0};
+    const uint8_t *code = core_memory(b, pc, 2, false);
+    *before = 0;
+    for (uint32_t size = 2; code != NULL; size += 2) {
+        block_measure(code, size, b->it_left, &probe);
+        if ((probe.flags & BLOCK_FP) != 0) {
+            *before = probe.instructions - 1u;
+            return pc + size - 2;
+        }
+    }
+    return pc;
+}
+
+static void fault_no_coprocessor(struct board *b)
+{
+    uint32_t before;
+    uint32_t pc = first_fp(b, b->block_pc, &before);
+    if (before != 0) {
+        b->no_fp = false; /* lets the instructions in front of it run */
+        uint64_t break_at = b->break_at;
+        b->break_at = NEVER;
+        uc_emu_start(b->uc, b->block_pc | 1u, NO_END, 0, before);
+        b->break_at = break_at;
+        b->no_fp = true;
+        cut_block(b, pc);
+    }
+    exception_fault(b, EXC_USAGE_FAULT, 1u << 19, pc); /* CFSR.NOCP */
+}
+
+/* Faults as CFSR names them, PM0214 4.4.16: PRECISERR and BFARVALID, IACCVIOL, IBUSERR, UNDEFINSTR, INVSTATE. */
+static void fault_by_memory(struct board *b, uint32_t pc)
+{
+    cut_block(b, pc);
+    switch (b->fault_type) {
+    case UC_MEM_FETCH_UNMAPPED:
+    case UC_MEM_FETCH_PROT:
+        exception_fault(b, EXC_BUS_FAULT, 1u << 8, pc);
+        break;
+    default:
+        b->scb.bfar = b->fault_address;
+        exception_fault(b, EXC_BUS_FAULT, (1u << 9) | (1u << 15), pc);
+    }
+}
+
+static void wait_for_event(struct board *b, uint32_t pc)
+{
+    uint16_t opcode = 0;
+    const uint8_t *code = core_memory(b, pc - 2, 2, false);
+    if (code != NULL) {
+        memcpy(&opcode, code, sizeof opcode);
+    }
+    /* WFE may complete at any time (PM0214 2.5.2); SEV is invisible here, so that it always does. */
+    b->sleeping = opcode == OPCODE_WFI;
+}
+
+/* One stretch in the engine, and what made it end. */
+static void run_engine(struct board *b)
+{
+    b->at_block = false;
+    b->trap = TRAP_NONE;
+    b->fault_seen = false;
+    uc_err error = uc_emu_start(b->uc, core_get(b, UC_ARM_REG_PC) | 1u, NO_END, 0, 0);
+    uint32_t pc = core_get(b, UC_ARM_REG_PC);
+    if (b->at_block && !b->fault_seen) {
+        return;
+    }
+    if (b->fault_seen && b->fault_type < 0) {
+        fault_no_coprocessor(b);
+    } else if (b->fault_seen) {
+        fault_by_memory(b, pc);
+    } else if (b->trap == TRAP_EXCEPTION_RETURN) {
+        finish_block(b);
+        exception_return(b, pc | 1u);
+    } else if (b->trap == TRAP_SVC) {
+        finish_block(b);
+        exception_svc(b, pc);
+    } else if (b->trap == TRAP_BREAKPOINT) {
+        cut_block(b, pc);
+        b->scb.hfsr |= 1u << 31; /* DEBUGEVT: no debugger is attached */
+        exception_fault(b, EXC_HARD_FAULT, 0, pc);
+    } else if (b->trap == TRAP_PREFETCH_ABORT) {
+        /* BKPT and branches into nowhere share a number in some engine versions. */
+        cut_block(b, pc);
+        exception_fault(b, EXC_BUS_FAULT, 1u << 8, pc);
+    } else if (error == UC_ERR_OK) {
+        finish_block(b);
+        wait_for_event(b, pc);
+    } else if (error == UC_ERR_INSN_INVALID && pc == b->block_pc + b->current.size &&
+               (b->current.flags & BLOCK_WAITS) != 0) {
+        finish_block(b); /* the engine reports WFE and YIELD so */
+        wait_for_event(b, pc);
+    } else {
+        cut_block(b, pc);
+        bool thumb = error != UC_ERR_EXCEPTION;
+        exception_fault(b, EXC_USAGE_FAULT, thumb ? 1u << 16 : 1u << 17, pc);
+    }
+}
+
+/* The core stands still until the given cycle or the next event. */
+static void stand_still(struct board *b, uint64_t until)
+{
+    uint64_t next = b->next_event < b->target ? b->next_event : b->target;
+    next = next < until ? next : until;
+    if (next > b->now) {
+        if (b->sleeping) {
+            b->stats.sleep_cycles += next - b->now;
+        }
+        b->now = next;
+    }
+}
+
+static bool wakes(struct board *b)
+{
+    if (b->nvic.best == 0) {
+        return false;
+    }
+    /* PRIMASK holds the handler back, not the wake-up (PM0214 2.5.3). */
+    uint32_t primask = core_get(b, UC_ARM_REG_PRIMASK);
+    core_set(b, UC_ARM_REG_PRIMASK, 0);
+    bool awake = b->nvic.best_priority < nvic_execution_priority(b);
+    core_set(b, UC_ARM_REG_PRIMASK, primask);
+    return awake;
+}
+
+/* Runs up to b->target. Between blocks, in this order: events, flash stalls, exceptions, then code. */
+void core_run(struct board *b)
+{
+    while (true) {
+        b->moment = b->now > b->moment ? b->now : b->moment;
+        events_run(b, b->now);
+        if (b->reset_wanted) {
+            board_reset(b, b->reset_cause);
+        }
+        if (b->flash.window_open) {
+            flash_close_window(b);
+        }
+        if (!b->powered || b->locked_up || b->clock_dead) {
+            if (b->now >= b->target) {
+                return;
+            }
+            stand_still(b, NEVER);
+            continue;
+        }
+        if (b->stall_until > b->now) {
+            if (b->now >= b->target) {
+                return;
+            }
+            stand_still(b, b->stall_until);
+            continue;
+        }
+        if (b->it_left == 0 && b->nvic.best != 0 && (!b->sleeping || wakes(b))) {
+            b->sleeping = false;
+            if (exception_take_pending(b, core_get(b, UC_ARM_REG_PC))) {
+                continue;
+            }
+        }
+        /* Held back by a mask, which the code lifts some day: look again at each block. */
+        b->needs_check = b->nvic.best != 0 && b->nvic.best_priority < b->nvic.active_group;
+        if (b->now >= b->target) {
+            return;
+        }
+        core_update_break(b);
+        if (b->sleeping) {
+            stand_still(b, NEVER);
+        } else {
+            run_engine(b);
+        }
+    }
+}

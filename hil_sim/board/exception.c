@@ -1,0 +1,249 @@
+/* Exception entry, return, tail-chaining and faults, as PM0214 section 2.3 has them; FP context is stacked eagerly. */
+#include "machine.h"
+
+#include <string.h>
+
+enum {
+    ENTRY_CYCLES = 12,
+    EXIT_CYCLES = 10,
+    CHAIN_CYCLES = 6,
+    FP_CYCLES = 17, /* the FP part of the frame, each way */
+    FRAME_WORDS = 8,
+    FP_FRAME_WORDS = 26
+};
+#define CONTROL_SPSEL 2u
+#define CONTROL_FPCA  4u
+#define XPSR_T        (1u << 24)
+#define XPSR_IT       0x0600FC00u
+#define XPSR_ALIGN    (1u << 9)
+#define CCR_STKALIGN  (1u << 9)
+#define FPCCR_ASPEN   (1u << 31)
+#define RETURN_NO_FP  (1u << 4)
+#define RETURN_PSP    (1u << 2)
+#define RETURN_THREAD (1u << 3)
+
+static const int frame_registers[] = {UC_ARM_REG_R0, UC_ARM_REG_R1,  UC_ARM_REG_R2,
+                                      UC_ARM_REG_R3, UC_ARM_REG_R12, UC_ARM_REG_LR};
+
+static void lock_up(struct board *b)
+{
+    b->locked_up = true;
+    warn(b, 0xF0000001u, "core locked up: a fault that no handler could take");
+}
+
+static void spend(struct board *b, uint64_t cycles)
+{
+    b->now += cycles;
+    core_count(b, 0, cycles);
+}
+
+/* Books: what the running exception has cost so far is set aside while another one runs. */
+static void begin_activation(struct board *b, unsigned exception)
+{
+    b->depth++;
+    b->running[b->depth] = (struct running){.exception = exception};
+    b->cost[exception].activations++;
+    b->stats.interrupts++;
+}
+
+static void end_activation(struct board *b)
+{
+    const struct running *top = &b->running[b->depth];
+    struct board_cost *cost = &b->cost[top->exception];
+    cost->instructions += top->instructions;
+    cost->cycles += top->cycles;
+    cost->worst_instructions =
+        top->instructions > cost->worst_instructions ? top->instructions : cost->worst_instructions;
+    cost->worst_cycles = top->cycles > cost->worst_cycles ? top->cycles : cost->worst_cycles;
+    b->depth--;
+}
+
+/* Puts the core into the handler; xPSR first, because it decides which stack pointer SP is. */
+static void enter_handler(struct board *b, unsigned exception, uint32_t xpsr, uint32_t exc_return)
+{
+    uint32_t vector = 0;
+    const uint8_t *entry = core_memory(b, b->scb.vtor + 4 * exception, 4, false);
+    if (entry == NULL) {
+        lock_up(b);
+        return;
+    }
+    memcpy(&vector, entry, sizeof vector);
+    core_set(b, UC_ARM_REG_XPSR_NZCVQG, (xpsr & 0xF80F0000u) | XPSR_T | exception);
+    core_set(b, UC_ARM_REG_CONTROL, core_get(b, UC_ARM_REG_CONTROL) & 1u);
+    core_set(b, UC_ARM_REG_LR, exc_return);
+    core_set(b, UC_ARM_REG_PC, vector | 1u);
+    b->it_left = 0;
+    nvic_pend(b, exception, false);
+    nvic_set_active(b, exception, true);
+    begin_activation(b, exception);
+}
+
+static uint32_t push_frame(struct board *b, uint32_t return_pc, uint32_t xpsr, bool fp)
+{
+    uint32_t words[FP_FRAME_WORDS] = {0};
+    for (size_t i = 0; i < 6; i++) {
+        words[i] = core_get(b, frame_registers[i]);
+    }
+    uint32_t sp = core_get(b, UC_ARM_REG_SP);
+    uint32_t size = 4u * (fp ? FP_FRAME_WORDS : FRAME_WORDS);
+    bool aligned = (sp & 4u) == 0 || ((b->scb.ccr & CCR_STKALIGN) == 0 && !fp);
+    uint32_t base = sp - size - (aligned ? 0 : 4);
+    words[6] = return_pc & ~1u;
+    words[7] = (xpsr & ~XPSR_ALIGN) | XPSR_T | (aligned ? 0 : XPSR_ALIGN);
+    if (fp) {
+        for (int i = 0; i < 8; i++) {
+            uint64_t pair = 0;
+            uc_reg_read(b->uc, UC_ARM_REG_D0 + i, &pair);
+            memcpy(&words[FRAME_WORDS + 2 * i], &pair, sizeof pair);
+        }
+        words[24] = core_get(b, UC_ARM_REG_FPSCR);
+    }
+    uint8_t *frame = core_memory(b, base, size, true);
+    if (frame == NULL) {
+        b->scb.cfsr |= 1u << 12; /* STKERR */
+        lock_up(b);
+        return 0;
+    }
+    memcpy(frame, words, size);
+    core_set(b, UC_ARM_REG_SP, base);
+    if (fp) {
+        b->scb.fpcar = base + 4u * FRAME_WORDS;
+    }
+    return base;
+}
+
+static void enter(struct board *b, unsigned exception, uint32_t return_pc)
+{
+    uint32_t xpsr = core_get(b, UC_ARM_REG_XPSR);
+    uint32_t control = core_get(b, UC_ARM_REG_CONTROL);
+    bool handler = (xpsr & 0x1FFu) != 0;
+    bool fp = (control & CONTROL_FPCA) != 0 && (b->scb.fpccr & FPCCR_ASPEN) != 0;
+    spend(b, ENTRY_CYCLES + (fp ? FP_CYCLES : 0));
+    if (push_frame(b, return_pc, xpsr, fp) == 0) {
+        return;
+    }
+    uint32_t exc_return = 0xFFFFFFE1u | (fp ? 0 : RETURN_NO_FP);
+    if (!handler) {
+        exc_return |= RETURN_THREAD | ((control & CONTROL_SPSEL) != 0 ? RETURN_PSP : 0);
+    }
+    enter_handler(b, exception, xpsr, exc_return);
+}
+
+/* Takes the most urgent exception when it may pre-empt what runs now. */
+bool exception_take_pending(struct board *b, uint32_t return_pc)
+{
+    if (b->nvic.best == 0 || b->nvic.best_priority >= nvic_execution_priority(b)) {
+        return false;
+    }
+    enter(b, b->nvic.best, return_pc);
+    return true;
+}
+
+static void pop_frame(struct board *b, uint32_t exc_return)
+{
+    bool fp = (exc_return & RETURN_NO_FP) == 0;
+    bool thread = (exc_return & RETURN_THREAD) != 0;
+    bool psp = (exc_return & RETURN_PSP) != 0;
+    uint32_t size = 4u * (fp ? FP_FRAME_WORDS : FRAME_WORDS);
+    uint32_t base = core_get(b, psp ? UC_ARM_REG_PSP : UC_ARM_REG_MSP);
+    const uint8_t *frame = core_memory(b, base, size, false);
+    if (frame == NULL) {
+        b->scb.cfsr |= 1u << 11; /* UNSTKERR */
+        lock_up(b);
+        return;
+    }
+    uint32_t words[FP_FRAME_WORDS];
+    memcpy(words, frame, size);
+    uint32_t sp = base + size + ((words[7] & XPSR_ALIGN) != 0 ? 4 : 0);
+    uint32_t xpsr = words[7] & ~XPSR_ALIGN;
+    if (thread != ((xpsr & 0x1FFu) == 0)) {
+        exception_fault(b, EXC_USAGE_FAULT, 1u << 18, core_get(b, UC_ARM_REG_PC)); /* INVPC */
+        return;
+    }
+    core_set(b, psp ? UC_ARM_REG_PSP : UC_ARM_REG_MSP, sp);
+    /* IPSR and the stack choice first: they decide what SP means; the condition bits come with them. */
+    core_set(b, UC_ARM_REG_XPSR_NZCVQG, xpsr);
+    uint32_t control = core_get(b, UC_ARM_REG_CONTROL) & 1u;
+    core_set(b, UC_ARM_REG_CONTROL, control | (thread && psp ? CONTROL_SPSEL : 0) | (fp ? CONTROL_FPCA : 0));
+    for (size_t i = 0; i < 6; i++) {
+        core_set(b, frame_registers[i], words[i]);
+    }
+    if (fp) {
+        for (int i = 0; i < 8; i++) {
+            uint64_t pair;
+            memcpy(&pair, &words[FRAME_WORDS + 2 * i], sizeof pair);
+            uc_reg_write(b->uc, UC_ARM_REG_D0 + i, &pair);
+        }
+        core_set(b, UC_ARM_REG_FPSCR, words[24]);
+    }
+    core_set(b, UC_ARM_REG_PC, words[6] | 1u);
+    uint32_t it = ((xpsr >> 8) & 0xFCu) | ((xpsr >> 25) & 3u);
+    b->it_left = (it & 0xFu) != 0 ? 4u - (uint32_t)__builtin_ctz(it & 0xFu) : 0;
+    if (thread && (b->scb.scr & 2u) != 0) {
+        b->sleeping = true; /* SLEEPONEXIT */
+    }
+}
+
+/* The priority that what we return to executes with, seen before its frame is popped. */
+static bool chains(struct board *b)
+{
+    return b->nvic.best != 0 && b->nvic.best_priority < nvic_execution_priority(b);
+}
+
+void exception_return(struct board *b, uint32_t exc_return)
+{
+    uint32_t xpsr = core_get(b, UC_ARM_REG_XPSR);
+    unsigned exception = xpsr & 0x1FFu;
+    uint32_t kind = exc_return & 0xFu;
+    bool known = (exc_return & 0xFFFFFFE0u) == 0xFFFFFFE0u && (kind == 1 || kind == 9 || kind == 0xD);
+    if (exception == 0 || !known || !nvic_bit(b->nvic.active, exception)) {
+        exception_fault(b, exception == 0 ? EXC_BUS_FAULT : EXC_USAGE_FAULT, exception == 0 ? 1u << 8 : 1u << 18,
+                        exc_return & ~1u);
+        return;
+    }
+    if (exception != EXC_NMI) {
+        core_set(b, UC_ARM_REG_FAULTMASK, 0); /* cleared by every return but the NMI's, PM0214 2.1.3 */
+    }
+    nvic_set_active(b, exception, false);
+    events_run(b, b->now);
+    if (chains(b) && !b->reset_wanted) {
+        spend(b, CHAIN_CYCLES);
+        end_activation(b);
+        b->stats.tail_chains++;
+        enter_handler(b, b->nvic.best, xpsr, exc_return);
+        return;
+    }
+    spend(b, EXIT_CYCLES + ((exc_return & RETURN_NO_FP) == 0 ? FP_CYCLES : 0));
+    end_activation(b);
+    pop_frame(b, exc_return);
+}
+
+/* A fault of the instruction at return_pc. It becomes a hard fault when its own handler is off or not urgent enough. */
+void exception_fault(struct board *b, unsigned exception, uint32_t cfsr, uint32_t return_pc)
+{
+    static const uint32_t enable[] = {[EXC_MEMORY_FAULT] = 1u << 16,
+                                      [EXC_BUS_FAULT] = 1u << 17,
+                                      [EXC_USAGE_FAULT] = 1u << 18};
+    b->scb.cfsr |= cfsr;
+    int running = nvic_execution_priority(b);
+    if (exception != EXC_HARD_FAULT &&
+        ((b->scb.shcsr & enable[exception]) == 0 || nvic_group(b, exception) >= running)) {
+        b->scb.hfsr |= 1u << 30; /* FORCED */
+        exception = EXC_HARD_FAULT;
+    }
+    if (exception == EXC_HARD_FAULT && running <= -1) {
+        lock_up(b);
+        return;
+    }
+    enter(b, exception, return_pc);
+}
+
+void exception_svc(struct board *b, uint32_t return_pc)
+{
+    if (nvic_group(b, EXC_SVC) < nvic_execution_priority(b)) {
+        enter(b, EXC_SVC, return_pc);
+    } else {
+        exception_fault(b, EXC_HARD_FAULT, 0, return_pc - 2);
+        b->scb.hfsr |= 1u << 30;
+    }
+}

@@ -1,0 +1,194 @@
+/* GPIO ports and what reaches the pins: levels, alternate functions, and the observers outside. */
+#include "machine.h"
+
+#include <string.h>
+
+enum { MODE_INPUT, MODE_OUTPUT, MODE_ALTERNATE, MODE_ANALOG };
+
+/* Alternate functions modelled, STM32F405 datasheet table 9: {port, pin, function, signal, instance, channel}. */
+enum signal { SIGNAL_TIMER, SIGNAL_USART_TX, SIGNAL_USART_RX };
+static const struct route {
+    char port;
+    uint8_t pin, function, signal, instance, channel;
+} routes[] = {
+    {'A', 8, 1, SIGNAL_TIMER, 1, 1},     {'A', 9, 1, SIGNAL_TIMER, 1, 2},     {'A', 10, 1, SIGNAL_TIMER, 1, 3},
+    {'A', 11, 1, SIGNAL_TIMER, 1, 4},    {'E', 9, 1, SIGNAL_TIMER, 1, 1},     {'E', 11, 1, SIGNAL_TIMER, 1, 2},
+    {'E', 13, 1, SIGNAL_TIMER, 1, 3},    {'E', 14, 1, SIGNAL_TIMER, 1, 4},    {'A', 0, 1, SIGNAL_TIMER, 2, 1},
+    {'A', 5, 1, SIGNAL_TIMER, 2, 1},     {'A', 15, 1, SIGNAL_TIMER, 2, 1},    {'A', 1, 1, SIGNAL_TIMER, 2, 2},
+    {'B', 3, 1, SIGNAL_TIMER, 2, 2},     {'A', 6, 2, SIGNAL_TIMER, 3, 1},     {'B', 4, 2, SIGNAL_TIMER, 3, 1},
+    {'C', 6, 2, SIGNAL_TIMER, 3, 1},     {'A', 7, 2, SIGNAL_TIMER, 3, 2},     {'B', 5, 2, SIGNAL_TIMER, 3, 2},
+    {'C', 7, 2, SIGNAL_TIMER, 3, 2},     {'B', 0, 2, SIGNAL_TIMER, 3, 3},     {'B', 1, 2, SIGNAL_TIMER, 3, 4},
+    {'B', 6, 2, SIGNAL_TIMER, 4, 1},     {'D', 12, 2, SIGNAL_TIMER, 4, 1},    {'B', 7, 2, SIGNAL_TIMER, 4, 2},
+    {'D', 13, 2, SIGNAL_TIMER, 4, 2},    {'A', 0, 2, SIGNAL_TIMER, 5, 1},     {'A', 1, 2, SIGNAL_TIMER, 5, 2},
+    {'C', 6, 3, SIGNAL_TIMER, 8, 1},     {'C', 7, 3, SIGNAL_TIMER, 8, 2},     {'C', 8, 3, SIGNAL_TIMER, 8, 3},
+    {'C', 9, 3, SIGNAL_TIMER, 8, 4},     {'A', 9, 7, SIGNAL_USART_TX, 1, 0},  {'A', 10, 7, SIGNAL_USART_RX, 1, 0},
+    {'B', 6, 7, SIGNAL_USART_TX, 1, 0},  {'B', 7, 7, SIGNAL_USART_RX, 1, 0},  {'A', 2, 7, SIGNAL_USART_TX, 2, 0},
+    {'A', 3, 7, SIGNAL_USART_RX, 2, 0},  {'D', 5, 7, SIGNAL_USART_TX, 2, 0},  {'D', 6, 7, SIGNAL_USART_RX, 2, 0},
+    {'B', 10, 7, SIGNAL_USART_TX, 3, 0}, {'B', 11, 7, SIGNAL_USART_RX, 3, 0}, {'C', 10, 7, SIGNAL_USART_TX, 3, 0},
+    {'C', 11, 7, SIGNAL_USART_RX, 3, 0}, {'D', 8, 7, SIGNAL_USART_TX, 3, 0},  {'D', 9, 7, SIGNAL_USART_RX, 3, 0},
+};
+enum { ROUTES = sizeof routes / sizeof routes[0] };
+
+static uint32_t mode_of(const struct board *b, struct board_pin pin)
+{
+    return b->gpio[pin.port - 'A'].moder >> (2 * pin.number) & 3u;
+}
+
+static uint32_t function_of(const struct board *b, struct board_pin pin)
+{
+    return b->gpio[pin.port - 'A'].afr[pin.number / 8] >> (4 * (pin.number % 8)) & 0xFu;
+}
+
+static bool routed(const struct board *b, const struct route *r)
+{
+    struct board_pin pin = {r->port, r->pin};
+    return mode_of(b, pin) == MODE_ALTERNATE && function_of(b, pin) == r->function;
+}
+
+bool pin_of_timer(const struct board *b, int timer, int channel, struct board_pin *out)
+{
+    for (size_t i = 0; i < ROUTES; i++) {
+        const struct route *r = &routes[i];
+        if (r->signal == SIGNAL_TIMER && r->instance == timer && r->channel == channel && routed(b, r)) {
+            *out = (struct board_pin){r->port, r->pin};
+            return true;
+        }
+    }
+    return false;
+}
+
+bool pin_of_usart(const struct board *b, int usart, bool transmit)
+{
+    for (size_t i = 0; i < ROUTES; i++) {
+        const struct route *r = &routes[i];
+        if (r->signal == (transmit ? SIGNAL_USART_TX : SIGNAL_USART_RX) && r->instance == usart && routed(b, r)) {
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Fraction of time for which the chip holds the pin high; below 0: it does not drive it. */
+static double drive(struct board *b, struct board_pin pin)
+{
+    if (!b->powered) {
+        return -1;
+    }
+    uint32_t mode = mode_of(b, pin);
+    if (mode == MODE_OUTPUT) {
+        return (b->gpio[pin.port - 'A'].odr >> pin.number & 1u) != 0 ? 1 : 0;
+    }
+    for (size_t i = 0; mode == MODE_ALTERNATE && i < ROUTES; i++) {
+        const struct route *r = &routes[i];
+        if (r->port == pin.port && r->pin == pin.number && r->signal == SIGNAL_TIMER && routed(b, r)) {
+            return timer_output(b, r->instance, r->channel);
+        }
+    }
+    return -1;
+}
+
+void pins_update(struct board *b)
+{
+    for (size_t i = 0; i < b->watched_count; i++) {
+        struct watched *w = &b->watched[i];
+        double duty = drive(b, w->pin);
+        if (duty < w->duty || duty > w->duty) {
+            w->duty = duty;
+            uint64_t bits;
+            memcpy(&bits, &duty, sizeof bits);
+            trace_add(b, TRACE_PIN, (uint32_t)w->pin.port << 8 | w->pin.number, bits);
+            if (b->options.wires.pin_driven != NULL) {
+                b->options.wires.pin_driven(b->options.wires.context, w->pin, duty, time_to_ps(b, b->moment));
+            }
+        }
+    }
+}
+
+/* Level of an encoder's phase: the four states of a quadrature period are 00, 10, 11, 01 (A, B). */
+static bool phase_level(int64_t position, bool is_b)
+{
+    uint64_t state = (uint64_t)position & 3u;
+    return is_b ? state >= 2 : state == 1 || state == 2;
+}
+
+static uint32_t input(struct board *b, int port)
+{
+    const struct gpio *g = &b->gpio[port];
+    uint32_t levels = 0;
+    for (uint32_t i = 0; i < 16; i++) {
+        uint32_t mode = g->moder >> (2 * i) & 3u;
+        uint32_t pull = g->pupdr >> (2 * i) & 3u;
+        uint32_t level = mode == MODE_OUTPUT ? g->odr >> i & 1u : pull == 1 && mode != MODE_ANALOG;
+        levels |= level << i;
+    }
+    for (int e = 0; e < ENCODERS; e++) {
+        const struct wired_encoder *w = &b->encoder[e];
+        if (!w->wired || (w->a.port != 'A' + port && w->b.port != 'A' + port)) {
+            continue;
+        }
+        int64_t position =
+            b->options.wires.encoder_position(b->options.wires.context, e, time_to_ps(b, b->moment));
+        for (int phase = 0; phase < 2; phase++) {
+            struct board_pin pin = phase == 0 ? w->a : w->b;
+            if (pin.port == 'A' + port && mode_of(b, pin) != MODE_OUTPUT) {
+                uint32_t mask = 1u << pin.number;
+                levels = phase_level(position, phase == 1) ? levels | mask : levels & ~mask;
+            }
+        }
+    }
+    return levels;
+}
+
+void gpio_reset(struct board *b, int port)
+{
+    static const struct gpio initial[2] = {{.moder = 0xA8000000u, .pupdr = 0x64000000u},
+                                           {.moder = 0x00000280u, .pupdr = 0x00000100u, .ospeedr = 0xC0u}};
+    b->gpio[port] = port < 2 ? initial[port] : (struct gpio){0};
+}
+
+bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_t *value)
+{
+    struct gpio *g = &b->gpio[port];
+    uint32_t *const store[] = {&g->moder, &g->otyper, &g->ospeedr, &g->pupdr, NULL,
+                               &g->odr,   NULL,       &g->lckr,    g->afr,    g->afr + 1};
+    if (offset == 0x10) {
+        *value = write ? *value : input(b, port);
+        return true;
+    }
+    if (offset == 0x18) { /* BSRR: set wins over reset */
+        if (write) {
+            g->odr = (g->odr & ~(*value >> 16)) | (*value & 0xFFFFu);
+            pins_update(b);
+        }
+        return true;
+    }
+    if (offset > 0x24) {
+        return false;
+    }
+    if (!write) {
+        *value = *store[offset / 4];
+        return true;
+    }
+    *store[offset / 4] = offset == 0x14 || offset == 0x04 ? *value & 0xFFFFu : *value;
+    if (offset >= 0x20 || offset == 0x00) { /* a pin may have become, or ceased to be, an encoder's input */
+        for (int timer = 1; timer <= TIMERS; timer++) {
+            timer_encoder_sync(b, timer);
+        }
+    }
+    pins_update(b);
+    return true;
+}
+
+void board_watch_pin(struct board *board, struct board_pin pin)
+{
+    if (board->watched_count < WATCHED_PINS) {
+        board->watched[board->watched_count++] = (struct watched){pin, -1};
+    }
+}
+
+void board_wire_encoder(struct board *board, int encoder, struct board_pin a, struct board_pin b)
+{
+    if (encoder >= 0 && encoder < ENCODERS) {
+        board->encoder[encoder] = (struct wired_encoder){a, b, true};
+    }
+}

@@ -1,0 +1,364 @@
+/* The inside of the virtual board: what its parts share. Only files of this folder include it. */
+#ifndef BOARD_MACHINE_H
+#define BOARD_MACHINE_H
+
+#include <assert.h>
+#include <unicorn/unicorn.h>
+
+#include "board.h"
+
+enum {
+    FLASH_BASE = 0x08000000,
+    FLASH_SIZE = 1024 * 1024,
+    SRAM_BASE = 0x20000000,
+    SRAM_SIZE = 128 * 1024,
+    CCM_BASE = 0x10000000,
+    CCM_SIZE = 64 * 1024,
+    SYSTEM_BASE = 0x1FFF0000, /* ROM loader, unique id, flash size; the loader itself is not modelled */
+    SYSTEM_SIZE = 32 * 1024,
+    TIMERS = 14,
+    USARTS = 3,
+    ADCS = 3,
+    PORTS = 9,
+    ENCODERS = 4,
+    WATCHED_PINS = 16,
+    WARNINGS = 64,
+    BUS_REGIONS = 7,
+    BUS_PAGES = 256
+};
+#define NEVER       UINT64_MAX
+#define PS_PER_S    1000000000000ULL
+#define PS_PER_US   1000000ULL
+#define LSI_HZ      32000U
+#define HSI_HZ      16000000U
+
+/* ---- exceptions (ARMv7-M, PM0214 section 2.3) ---- */
+enum {
+    EXC_THREAD = 0,
+    EXC_NMI = 2,
+    EXC_HARD_FAULT = 3,
+    EXC_MEMORY_FAULT = 4,
+    EXC_BUS_FAULT = 5,
+    EXC_USAGE_FAULT = 6,
+    EXC_SVC = 11,
+    EXC_DEBUG = 12,
+    EXC_PENDSV = 14,
+    EXC_SYSTICK = 15,
+    EXC_IRQ0 = 16
+};
+/* Interrupt numbers used here, RM0090 table 62. */
+enum {
+    IRQ_EXTI0 = 6,
+    IRQ_ADC = 18,
+    IRQ_EXTI9_5 = 23,
+    IRQ_TIM1_UP = 25,
+    IRQ_USART1 = 37,
+    IRQ_EXTI15_10 = 40
+};
+
+/* ---- events: things that happen at a known time ---- */
+enum event_id {
+    EVENT_SYSTICK,
+    EVENT_RCC_HSI,
+    EVENT_RCC_HSE,
+    EVENT_RCC_PLL,
+    EVENT_RCC_LSI,
+    EVENT_IWDG,
+    EVENT_FLASH,
+    EVENT_TIMER0, /* one for each timer */
+    EVENT_USART_TX0 = EVENT_TIMER0 + TIMERS,
+    EVENT_USART_RX0 = EVENT_USART_TX0 + USARTS,
+    EVENT_USART_IDLE0 = EVENT_USART_RX0 + USARTS,
+    EVENT_ADC0 = EVENT_USART_IDLE0 + USARTS,
+    EVENTS = EVENT_ADC0 + ADCS
+};
+
+struct event {
+    uint64_t at;    /* cycle, NEVER when idle */
+    uint64_t at_ps; /* set for events in real time; they keep it when the core clock changes */
+    bool in_ps;
+};
+
+/* The core clock: cycles since creation, and which picosecond the present frequency began at. */
+struct clock {
+    uint64_t segment_cycle;
+    uint64_t segment_ps;
+    uint32_t hz;
+};
+
+struct nvic {
+    uint32_t pending[4], active[4], enabled[4], line[4]; /* bit maps over exception numbers */
+    uint8_t priority[BOARD_EXCEPTIONS];
+    uint8_t prigroup;
+    unsigned best;        /* most urgent pending and enabled exception, 0 none */
+    int best_priority;    /* its number within all; smaller is more urgent */
+    int active_group;     /* group priority that now executes, masks aside; 256 in thread mode */
+};
+
+struct scb {
+    uint32_t vtor, scr, ccr, shcsr, cfsr, hfsr, dfsr, mmfar, bfar, cpacr, fpccr, fpcar, fpdscr, demcr;
+};
+
+struct systick {
+    uint32_t ctrl, load;
+    uint64_t origin;  /* cycle at which the counter stood at `from` */
+    uint32_t from;
+    bool count_flag;
+};
+
+struct dwt {
+    uint32_t ctrl;
+    uint64_t origin;
+};
+
+struct rcc {
+    uint32_t cr, pllcfgr, cfgr, cir, bdcr, csr, sscgr, plli2scfgr;
+    uint32_t rstr[5], enr[5], lpenr[5]; /* AHB1, AHB2, AHB3, APB1, APB2 */
+    uint32_t hpre, ppre1, ppre2;        /* divisors in force */
+};
+
+struct flash {
+    uint32_t acr, sr, cr, optcr;
+    uint8_t key_step, opt_key_step;
+    bool window_open;   /* the array is writable for the store under way */
+    uint32_t window_sector;
+};
+
+struct gpio {
+    uint32_t moder, otyper, ospeedr, pupdr, odr, lckr, afr[2];
+};
+
+struct timer {
+    uint32_t cr1, cr2, smcr, dier, sr, ccmr[2], ccer, psc, arr, rcr, ccr[4], bdtr, dcr, option;
+    uint32_t psc_active, arr_active, ccr_active[4];
+    uint64_t origin;      /* cycle at which the counter stood at `from` */
+    uint32_t from;        /* position within the counting period, in ticks */
+    uint32_t repeats;     /* overflows left until the next update event */
+    int encoder_source;   /* 0 none, +n encoder n, -n with its phases swapped */
+    int64_t encoder_seen; /* position that the counter already took in */
+    bool down;
+};
+
+struct usart {
+    uint32_t sr, brr, cr1, cr2, cr3, gtpr;
+    uint8_t rdr, tdr, shift;
+    bool sr_read;     /* first half of the read-SR-then-DR sequence */
+    bool tdr_full, shifting;
+    struct inbound {
+        uint64_t end_ps;
+        float baud;
+        uint8_t byte;
+    } *inbound;
+    size_t in_capacity, in_head, in_count;
+    uint64_t line_free_ps; /* when the last byte queued so far has left the line */
+};
+
+struct adc {
+    uint32_t sr, cr1, cr2, smpr[2], sqr[3], htr, ltr, jsqr, dr;
+    uint32_t rank;  /* next conversion of the sequence */
+    bool busy;
+};
+
+struct iwdg {
+    uint32_t pr, rlr;
+    bool running, unlocked;
+    uint64_t updating_until_ps;
+};
+
+struct exti {
+    uint32_t imr, emr, rtsr, ftsr, pr;
+};
+
+/* A stretch of code that runs without a branch in between, as the CPU engine translated it. */
+struct block {
+    uint16_t cycles, instructions, size;
+    uint8_t flags;
+    uint8_t it_left; /* instructions of an IT block that follow after the end */
+};
+enum { BLOCK_KNOWN = 1, BLOCK_FP = 2, BLOCK_WAITS = 4 };
+
+enum trap { TRAP_NONE = -1 };
+
+struct region_of {
+    struct board *board;
+    uint32_t base;
+};
+
+struct board {
+    uc_engine *uc;
+    struct board_options options;
+    uint8_t *flash_array, *flash_shadow, *sram, *ccm, *system;
+    struct region_of region[BUS_REGIONS];
+    uint8_t bus_page[BUS_PAGES];
+    struct block *flash_blocks; /* one per half-word of flash */
+
+    /* time */
+    uint64_t now;        /* cycle at the beginning of the block that runs */
+    uint64_t moment;     /* cycle that peripherals see: an event's own, or the access's */
+    uint64_t break_at;   /* first cycle at which the block hook must leave the engine */
+    uint64_t target;     /* cycle up to which to run */
+    uint64_t target_ps;
+    uint64_t stall_until; /* the core waits for flash */
+    struct clock clock;
+    struct event events[EVENTS];
+    uint64_t next_event;
+
+    /* core */
+    struct block current; /* block under way; cycles 0 when none is */
+    uint32_t block_pc;
+    uint32_t accesses;    /* register accesses within the block */
+    uint32_t it_left;     /* the next block begins inside an IT block */
+    bool at_block, needs_check, reset_wanted, sleeping, locked_up, clock_dead, powered, no_fp;
+    enum board_reset reset_cause;
+    int trap;
+    bool fault_seen;
+    uint32_t fault_address;
+    int fault_type;
+    struct nvic nvic;
+    struct scb scb;
+    struct systick systick;
+    struct dwt dwt;
+
+    /* peripherals */
+    struct rcc rcc;
+    uint32_t pwr_cr;
+    struct flash flash;
+    struct gpio gpio[PORTS];
+    struct timer timer[TIMERS + 1]; /* TIM1 is [1] */
+    struct usart usart[USARTS + 1];
+    struct adc adc[ADCS + 1];
+    uint32_t adc_ccr;
+    struct iwdg iwdg;
+    struct exti exti;
+    uint32_t syscfg_memrmp, syscfg_pmc, syscfg_exticr[4], dbgmcu[3];
+    uint32_t rng_cr;
+    uint64_t rng_state;
+    bool crystal_alive;
+    int64_t flash_cut_after;
+
+    /* wires */
+    struct watched {
+        struct board_pin pin;
+        double duty;
+    } watched[WATCHED_PINS];
+    size_t watched_count;
+    struct wired_encoder {
+        struct board_pin a, b;
+        bool wired;
+    } encoder[ENCODERS];
+
+    /* books */
+    uint64_t trace[2], trace_count, power_cycles;
+    struct board_cost cost[BOARD_EXCEPTIONS];
+    struct running {
+        unsigned exception;
+        uint64_t instructions, cycles;
+    } running[BOARD_EXCEPTIONS + 1];
+    size_t depth;
+    struct board_stats stats;
+    struct warning {
+        char text[80];
+        uint64_t hits;
+        uint32_t key;
+    } warnings[WARNINGS];
+    size_t warning_count;
+};
+
+/* time.c */
+void time_set_hz(struct board *b, uint32_t hz);
+uint64_t time_to_ps(const struct board *b, uint64_t cycle);
+uint64_t time_to_cycle(const struct board *b, uint64_t ps);
+void event_at_cycle(struct board *b, unsigned id, uint64_t cycle);
+void event_at_ps(struct board *b, unsigned id, uint64_t ps);
+void event_cancel(struct board *b, unsigned id);
+void events_run(struct board *b, uint64_t until);
+
+/* core.c */
+uint32_t core_get(struct board *b, int reg);
+void core_set(struct board *b, int reg, uint32_t value);
+bool core_open(struct board *b);
+void core_reset(struct board *b);
+void core_run(struct board *b);
+void core_update_break(struct board *b);
+void core_count(struct board *b, uint64_t instructions, uint64_t cycles);
+uint8_t *core_memory(const struct board *b, uint32_t address, size_t length, bool write);
+
+/* exception.c */
+bool exception_take_pending(struct board *b, uint32_t return_pc);
+void exception_return(struct board *b, uint32_t exc_return);
+void exception_fault(struct board *b, unsigned exception, uint32_t cfsr, uint32_t return_pc);
+void exception_svc(struct board *b, uint32_t return_pc);
+
+/* blocks.c */
+void block_measure(const uint8_t *code, uint32_t size, uint32_t it_left, struct block *out);
+void blocks_forget(struct board *b, uint32_t first, uint32_t length);
+
+/* nvic.c, scb.c, systick.c */
+void nvic_pend(struct board *b, unsigned exception, bool pending);
+void nvic_set_line(struct board *b, unsigned irq, bool high);
+void nvic_set_active(struct board *b, unsigned exception, bool active);
+bool nvic_bit(const uint32_t map[4], unsigned exception);
+void nvic_refresh(struct board *b);
+int nvic_group(const struct board *b, unsigned exception);
+int nvic_execution_priority(struct board *b);
+bool nvic_access(struct board *b, uint32_t offset, bool write, uint32_t *value, unsigned size);
+bool scb_access(struct board *b, uint32_t offset, bool write, uint32_t *value, unsigned size);
+bool systick_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
+void systick_event(struct board *b);
+void systick_reset(struct board *b);
+
+/* bus.c */
+uint64_t bus_read(uc_engine *uc, uint64_t offset, unsigned size, void *region);
+void bus_write(uc_engine *uc, uint64_t offset, unsigned size, uint64_t value, void *region);
+bool bus_map(struct board *b);
+void bus_reset_peripherals(struct board *b, unsigned rcc_bus, uint32_t bits);
+void warn(struct board *b, uint32_t key, const char *format, ...) __attribute__((format(printf, 3, 4)));
+
+/* one file each; false: no such register */
+bool rcc_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
+void rcc_event(struct board *b, unsigned id);
+void rcc_reset(struct board *b, uint32_t cause_flags);
+void rcc_crystal_changed(struct board *b);
+uint32_t rcc_timer_divisor(const struct board *b, int timer);
+uint32_t rcc_usart_divisor(const struct board *b, int usart);
+bool flash_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
+void flash_reset(struct board *b);
+bool flash_store(struct board *b, uint32_t address);
+void flash_close_window(struct board *b);
+void flash_event(struct board *b);
+bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_t *value);
+void gpio_reset(struct board *b, int port);
+void pins_update(struct board *b);
+bool pin_of_timer(const struct board *b, int timer, int channel, struct board_pin *out);
+bool pin_of_usart(const struct board *b, int usart, bool transmit);
+bool timer_access(struct board *b, int timer, uint32_t offset, bool write, uint32_t *value);
+void timer_reset(struct board *b, int timer);
+void timer_sync(struct board *b, int timer);
+void timer_schedule(struct board *b, int timer);
+void timer_event(struct board *b, int timer);
+double timer_output(struct board *b, int timer, int channel);
+void timer_encoder_start(struct board *b, int timer);
+void timer_encoder_sync(struct board *b, int timer);
+bool timer_is_encoder(const struct board *b, int timer);
+bool usart_access(struct board *b, int usart, uint32_t offset, bool write, uint32_t *value);
+void usart_reset(struct board *b, int usart);
+void usart_tx_event(struct board *b, int usart);
+void usart_rx_event(struct board *b, int usart);
+void usart_idle_event(struct board *b, int usart);
+void usart_drop_inbound(struct board *b, int usart);
+bool adc_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
+void adc_reset(struct board *b);
+void adc_event(struct board *b, int adc);
+bool iwdg_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
+void iwdg_reset(struct board *b);
+bool rng_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
+bool exti_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
+bool syscfg_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
+bool pwr_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
+bool dbgmcu_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
+
+/* trace.c */
+enum trace_kind { TRACE_PIN = 1, TRACE_TX, TRACE_RX, TRACE_ADC, TRACE_ENCODER, TRACE_RESET };
+void trace_add(struct board *b, enum trace_kind kind, uint32_t source, uint64_t value);
+
+#endif

@@ -1,0 +1,126 @@
+/* Virtual time: the core's cycles, their length in picoseconds, and the events that wait for them. */
+#include "machine.h"
+
+uint64_t time_to_ps(const struct board *b, uint64_t cycle)
+{
+    unsigned __int128 span = (unsigned __int128)(cycle - b->clock.segment_cycle) * PS_PER_S;
+    return b->clock.segment_ps + (uint64_t)(span / b->clock.hz);
+}
+
+/* First cycle that begins at or after the given time; a time gone by is the segment's first cycle. */
+uint64_t time_to_cycle(const struct board *b, uint64_t ps)
+{
+    if (ps == NEVER) {
+        return NEVER;
+    }
+    if (ps <= b->clock.segment_ps) {
+        return b->clock.segment_cycle;
+    }
+    unsigned __int128 span = (unsigned __int128)(ps - b->clock.segment_ps) * b->clock.hz;
+    return b->clock.segment_cycle + (uint64_t)((span + PS_PER_S - 1) / PS_PER_S);
+}
+
+static void find_next(struct board *b)
+{
+    uint64_t next = NEVER;
+    for (unsigned i = 0; i < EVENTS; i++) {
+        next = b->events[i].at < next ? b->events[i].at : next;
+    }
+    b->next_event = next;
+    core_update_break(b);
+}
+
+/* The core's clock changes at this moment: events in real time keep their time, those in cycles their count. */
+void time_set_hz(struct board *b, uint32_t hz)
+{
+    b->clock.segment_ps = time_to_ps(b, b->moment);
+    b->clock.segment_cycle = b->moment;
+    b->clock.hz = hz;
+    for (unsigned i = 0; i < EVENTS; i++) {
+        if (b->events[i].in_ps && b->events[i].at != NEVER) {
+            b->events[i].at = time_to_cycle(b, b->events[i].at_ps);
+        }
+    }
+    b->target = time_to_cycle(b, b->target_ps);
+    find_next(b);
+}
+
+static void set_event(struct board *b, unsigned id, uint64_t cycle)
+{
+    uint64_t before = b->events[id].at;
+    b->events[id].at = cycle;
+    if (cycle < b->next_event) {
+        b->next_event = cycle;
+        core_update_break(b);
+    } else if (before == b->next_event) {
+        find_next(b);
+    }
+}
+
+void event_at_cycle(struct board *b, unsigned id, uint64_t cycle)
+{
+    b->events[id].in_ps = false;
+    set_event(b, id, cycle);
+}
+
+void event_at_ps(struct board *b, unsigned id, uint64_t ps)
+{
+    b->events[id].in_ps = true;
+    b->events[id].at_ps = ps;
+    set_event(b, id, time_to_cycle(b, ps));
+}
+
+void event_cancel(struct board *b, unsigned id)
+{
+    b->events[id].in_ps = false;
+    set_event(b, id, NEVER);
+}
+
+static void dispatch(struct board *b, unsigned id)
+{
+    if (id == EVENT_SYSTICK) {
+        systick_event(b);
+    } else if (id <= EVENT_RCC_LSI) {
+        rcc_event(b, id);
+    } else if (id == EVENT_IWDG) {
+        b->reset_wanted = true;
+        b->reset_cause = BOARD_RESET_WATCHDOG;
+        core_update_break(b);
+    } else if (id == EVENT_FLASH) {
+        flash_event(b);
+    } else if (id < EVENT_USART_TX0) {
+        timer_event(b, (int)(id - EVENT_TIMER0) + 1);
+    } else if (id < EVENT_USART_RX0) {
+        usart_tx_event(b, (int)(id - EVENT_USART_TX0) + 1);
+    } else if (id < EVENT_USART_IDLE0) {
+        usart_rx_event(b, (int)(id - EVENT_USART_RX0) + 1);
+    } else if (id < EVENT_ADC0) {
+        usart_idle_event(b, (int)(id - EVENT_USART_IDLE0) + 1);
+    } else {
+        adc_event(b, (int)(id - EVENT_ADC0) + 1);
+    }
+}
+
+/* Lets everything happen that is due, each at its own moment, in order; ties go by the event's number. */
+void events_run(struct board *b, uint64_t until)
+{
+    uint64_t resume = b->moment;
+    while (b->next_event <= until && !b->reset_wanted) {
+        unsigned due = 0;
+        while (b->events[due].at != b->next_event) {
+            due++;
+        }
+        b->moment = b->next_event;
+        event_cancel(b, due);
+        dispatch(b, due);
+    }
+    b->moment = resume > b->moment ? resume : b->moment;
+    if (!b->reset_wanted) {
+        b->moment = until > b->moment ? until : b->moment;
+    }
+}
+
+uint64_t board_time_ps(const struct board *board)
+{
+    return board->target_ps;
+}

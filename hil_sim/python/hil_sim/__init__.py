@@ -1,0 +1,28 @@
+"""The virtual robot: the flashed image on a virtual STM32F405, wired to a simulated robot."""
+
+from hil_sim.elf import ElfError, Image
+from hil_sim.plant import PlantError, PlantState, RobotParameters
+from hil_sim.robot import (
+    BoardStats,
+    BoardWarning,
+    EncoderFault,
+    ExceptionCost,
+    ResetCause,
+    VirtualRobot,
+    VirtualRobotError,
+)
+
+__all__ = [
+    "BoardStats",
+    "BoardWarning",
+    "ElfError",
+    "EncoderFault",
+    "ExceptionCost",
+    "Image",
+    "PlantError",
+    "PlantState",
+    "ResetCause",
+    "RobotParameters",
+    "VirtualRobot",
+    "VirtualRobotError",
+]

@@ -1,0 +1,316 @@
+"""One virtual robot: a board that runs the flashed image, wired to a simulated robot, in virtual time."""
+
+from __future__ import annotations
+
+import ctypes
+import enum
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from hil_sim import native
+from hil_sim.elf import Image
+from hil_sim.plant import PlantState, RobotParameters, new_native_state, state_from_native, to_native
+
+DEFAULT_BOARD_ID = bytes.fromhex("3930325547310a0000000001")
+"""Unique id of a virtual board unless another is given."""
+
+EXCEPTIONS = 98
+"""Exception numbers of the STM32F405: 16 of the core and 82 of the chip."""
+
+_FLASH = range(0x08000000, 0x08100000)
+
+
+class VirtualRobotError(RuntimeError):
+    """A virtual robot that cannot be made, or that was asked for something it does not have."""
+
+
+class ResetCause(enum.IntEnum):
+    """Ways to reset a board; `enum board_reset` of board.h."""
+
+    POWER = 0
+    BROWNOUT = 1
+    PIN = 2
+    SOFTWARE = 3
+    WATCHDOG = 4
+
+
+class EncoderFault(enum.IntEnum):
+    """What can be wrong with an encoder's plug or disc; `enum rig_encoder_fault` of rig.h."""
+
+    GOOD = 0
+    UNPLUGGED = 1
+    FROZEN = 2
+    REVERSED = 3
+    PHASE_A_DROPPED = 4
+    PHASE_B_DROPPED = 5
+
+
+@dataclass(frozen=True)
+class ExceptionCost:
+    """What one exception number has cost so far; nested exceptions are not counted in."""
+
+    activations: int
+    instructions: int
+    worst_instructions: int
+    cycles: int
+    worst_cycles: int
+
+
+@dataclass(frozen=True)
+class BoardStats:
+    """Totals of a board since its creation."""
+
+    cycles: int
+    sleep_cycles: int
+    instructions: int
+    interrupts: int
+    tail_chains: int
+    registers: int
+    resets: int
+    core_hz: int
+    locked_up: bool
+    powered: bool
+
+
+@dataclass(frozen=True)
+class BoardWarning:
+    """An oddity the board met: a register nobody models, a peripheral without its clock, and the like."""
+
+    text: str
+    hits: int
+
+
+class VirtualRobot:
+    """A board with an image in flash, switched on, and the robot it drives.
+
+    Parameters
+    ----------
+    image : ELF file, the one that is flashed.
+    robot : its numbers; the paper's robot when left out.
+    seed : decides noise, SRAM content at power-on and random numbers; the same seed gives the same run.
+    board_id : the chip's 12-byte unique id.
+    crystal : whether the 8 MHz crystal starts.
+    connected : False leaves the board alone on the bench: no motors, encoders or battery.
+    library : another build of the native library.
+
+    Raises
+    ------
+    ElfError : the image cannot be used.
+    VirtualRobotError : the robot's parameters are bad, or the image does not fit into flash.
+    OSError : the native library is not built.
+    """
+
+    def __init__(
+        self,
+        image: Path,
+        robot: RobotParameters | None = None,
+        seed: int = 1,
+        board_id: bytes = DEFAULT_BOARD_ID,
+        *,
+        crystal: bool = True,
+        connected: bool = True,
+        library: Path | None = None,
+    ) -> None:
+        self._rig: int | None = None
+        if len(board_id) != 12:
+            raise VirtualRobotError(f"a board id has 12 bytes, not {len(board_id)}")
+        self._library = native.load(library) if library else native.load()
+        self.image = Image.load(Path(image))
+        self.robot = robot or RobotParameters.msrp(library)
+        problem = self.robot.problem(library) if connected else None
+        if problem is not None:
+            raise VirtualRobotError(problem)
+        parameters = ctypes.byref(to_native(self.robot)) if connected else None
+        self._rig = self._library.rig_create(parameters, seed & (2**64 - 1), board_id, crystal)
+        if self._rig is None:
+            raise VirtualRobotError("the CPU engine of the virtual board does not start")
+        self._board: int = self._library.rig_board(self._rig)
+        for address, content in self.image.segments:
+            if address not in _FLASH or not self._library.rig_flash(self._rig, address, content, len(content)):
+                raise VirtualRobotError(f"{image} wants to be loaded to 0x{address:08X}, which is not flash")
+        self._library.rig_power(self._rig, True)
+
+    def close(self) -> None:
+        """Free the board; nothing may be called afterwards."""
+        if self._rig is not None:
+            self._library.rig_destroy(self._rig)
+            self._rig = None
+
+    def __enter__(self) -> VirtualRobot:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __del__(self) -> None:
+        self.close()
+
+    # time
+
+    @property
+    def time_us(self) -> int:
+        """Virtual time since creation, microseconds."""
+        return int(self._library.rig_time_us(self._rig))
+
+    @property
+    def time_s(self) -> float:
+        """Virtual time since creation, seconds."""
+        return self.time_us * 1e-6
+
+    def run_us(self, n: int) -> None:
+        """Advance virtual time by `n` microseconds; how a span is split into calls changes nothing."""
+        self._library.rig_run_us(self._rig, n)
+
+    # the link (USART3)
+
+    def link_write(self, data: bytes) -> None:
+        """Send bytes to the board; they enter its receiver from now on, one after the other."""
+        self._library.rig_link_write(self._rig, bytes(data), len(data))
+
+    def link_read(self) -> bytes:
+        """Return the bytes that the board has completely shifted out by now and that were not yet read."""
+        chunks = []
+        buffer = ctypes.create_string_buffer(65536)
+        while (n := int(self._library.rig_link_read(self._rig, buffer, len(buffer)))) > 0:
+            chunks.append(buffer.raw[:n])
+        return b"".join(chunks)
+
+    def link_pending(self) -> int:
+        """Return how many bytes to the board are still on the line."""
+        return int(self._library.rig_link_pending(self._rig))
+
+    def set_link_baud(self, baud: float) -> None:
+        """Set the speed of the host's port, 921600 at first; 0 cuts the cable."""
+        self._library.rig_link_baud(self._rig, baud)
+
+    # looking inside, as a debugger does
+
+    def symbol(self, name: str) -> tuple[int, int]:
+        """Return address and size of a symbol of the image."""
+        try:
+            return self.image.symbols[name]
+        except KeyError:
+            raise VirtualRobotError(f"the image has no symbol {name}") from None
+
+    def read_memory(self, addr: int, n: int) -> bytes:
+        """Return `n` bytes of flash, SRAM, CCM or system memory."""
+        buffer = ctypes.create_string_buffer(n)
+        if not self._library.board_read_memory(self._board, addr, buffer, n):
+            raise VirtualRobotError(f"there is no memory of {n} bytes at 0x{addr:08X}")
+        return buffer.raw
+
+    def write_memory(self, addr: int, data: bytes) -> None:
+        """Write bytes into SRAM or CCM."""
+        if not self._library.board_write_memory(self._board, addr, bytes(data), len(data)):
+            raise VirtualRobotError(f"there is no SRAM of {len(data)} bytes at 0x{addr:08X}")
+
+    def trace_hash(self) -> str:
+        """Return the hash over everything that has happened at the pins, 32 hexadecimal digits."""
+        lanes = (ctypes.c_uint64 * 2)()
+        self._library.board_trace_hash(self._board, lanes)
+        return f"{lanes[0]:016x}{lanes[1]:016x}"
+
+    def trace_count(self) -> int:
+        """Return how many events the trace hash covers."""
+        return int(self._library.board_trace_count(self._board))
+
+    def cost(self, exception: int) -> ExceptionCost:
+        """Return what an exception number has cost: 0 thread mode, 15 SysTick, 16 + n interrupt n."""
+        cost = native.Cost()
+        self._library.board_cost(self._board, exception, ctypes.byref(cost))
+        return ExceptionCost(**_fields(cost))
+
+    def costs(self) -> dict[int, ExceptionCost]:
+        """Return the cost of thread mode and of every exception number that was ever active."""
+        costs = {n: self.cost(n) for n in range(EXCEPTIONS)}
+        return {n: cost for n, cost in costs.items() if cost.activations or n == 0}
+
+    def stats(self) -> BoardStats:
+        """Return the board's totals."""
+        stats = native.Stats()
+        self._library.board_stats(self._board, ctypes.byref(stats))
+        return BoardStats(**_fields(stats))
+
+    def warnings(self) -> list[BoardWarning]:
+        """Return what the board found odd so far, each oddity once."""
+        found = []
+        hits = ctypes.c_uint64()
+        while (text := self._library.board_warning(self._board, len(found), ctypes.byref(hits))) is not None:
+            found.append(BoardWarning(text.decode(), hits.value))
+        return found
+
+    # the robot
+
+    def truth(self) -> PlantState:
+        """Return the true state of the robot, which no sensor sees."""
+        state = new_native_state()
+        self._library.rig_truth(self._rig, ctypes.byref(state))
+        return state_from_native(state)
+
+    def bridge(self, wheel: int) -> tuple[float, float]:
+        """Return the fraction of time each bridge input of a wheel is high; below 0: not driven."""
+        duty = (ctypes.c_double * 2)()
+        self._library.rig_bridge(self._rig, wheel, duty)
+        return duty[0], duty[1]
+
+    def led(self) -> float:
+        """Return the level of the status LED's pin (PC12); below 0: not driven."""
+        return float(self._library.rig_led(self._rig))
+
+    # faults; each holds from now until it is taken back
+
+    def set_encoder_fault(self, wheel: int, fault: EncoderFault) -> None:
+        """Break (or mend) an encoder; the counts themselves do not jump."""
+        self._library.rig_encoder_fault(self._rig, wheel, int(fault))
+
+    def set_encoder_connected(self, wheel: int, connected: bool) -> None:
+        """Pull or plug in an encoder's cable."""
+        self.set_encoder_fault(wheel, EncoderFault.GOOD if connected else EncoderFault.UNPLUGGED)
+
+    def set_motors_swapped(self, swapped: bool) -> None:
+        """Connect each bridge to the other wheel's motor."""
+        self._library.rig_swap_motors(self._rig, swapped)
+
+    def set_motor_connected(self, wheel: int, connected: bool) -> None:
+        """Pull or plug in a motor's cable."""
+        self._library.rig_motor_connected(self._rig, wheel, connected)
+
+    def set_battery_sense_connected(self, connected: bool) -> None:
+        """Break or mend the divider's wire: the ADC then sees 0 V while the motors keep their supply."""
+        self._library.rig_battery_sense_connected(self._rig, connected)
+
+    def set_bench_voltage(self, volts: float | None) -> None:
+        """Let the divider see a bench supply instead of the battery; None: the battery again."""
+        self._library.rig_bench_voltage(self._rig, -1.0 if volts is None else volts)
+
+    def set_crystal_alive(self, alive: bool) -> None:
+        """Stop or start the crystal."""
+        self._library.rig_crystal_alive(self._rig, alive)
+
+    def set_power(self, on: bool) -> None:
+        """Switch the board's supply; SRAM is noise after each power-on, flash keeps its content."""
+        self._library.rig_power(self._rig, on)
+
+    def power_cycle(self) -> None:
+        """Switch the board off and on again."""
+        self.set_power(False)
+        self.set_power(True)
+
+    def reset(self, cause: ResetCause = ResetCause.PIN) -> None:
+        """Reset the chip as the given cause would; SRAM keeps its content except after POWER."""
+        if cause is ResetCause.POWER:
+            self.power_cycle()
+        else:
+            self._library.rig_reset(self._rig, int(cause))
+
+    def cut_power_at_flash_write(self, operations: int | None) -> None:
+        """Fail the supply in the middle of a flash erase or programming, after this many whole ones."""
+        self._library.board_cut_power_at_flash_write(self._board, -1 if operations is None else operations)
+
+
+def _fields(native_struct: ctypes.Structure) -> dict[str, Any]:
+    return {str(field[0]): getattr(native_struct, str(field[0])) for field in native_struct._fields_}

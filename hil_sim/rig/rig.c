@@ -1,0 +1,319 @@
+/* Connects board and plant in lock step: before either is looked at, the plant is brought to that very time. */
+#include "rig.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define PS_PER_US   1000000ULL
+#define CRYSTAL_HZ  8000000U
+#define LINK_BAUD   921600.0
+#define DIVIDER     (1.0 / 11.0) /* 10 kOhm over 1 kOhm */
+
+/* Pins of the target board; the same table is in firmware/README.md for the people who solder. */
+static const struct board_pin bridge_pins[RIG_WHEELS][2] = {{{'A', 8}, {'A', 9}}, {{'A', 10}, {'A', 11}}};
+static const struct board_pin encoder_pins[RIG_WHEELS][2] = {{{'B', 4}, {'B', 5}}, {{'B', 6}, {'B', 7}}};
+static const struct board_pin battery_pin = {'A', 4};
+static const struct board_pin led_pin = {'C', 12};
+
+struct sent_byte {
+    uint64_t time_ps;
+    uint8_t byte;
+};
+
+struct rig {
+    struct board *board;
+    struct plant *plant;
+    uint64_t plant_steps;
+    double duty[RIG_WHEELS][2];
+    double led;
+    struct encoder {
+        enum rig_encoder_fault fault;
+        int64_t offset; /* keeps the counts continuous when a fault comes or goes */
+    } encoder[RIG_WHEELS];
+    bool swapped, motor_connected[RIG_WHEELS], sense_connected;
+    double bench_v, link_baud;
+    struct sent_byte *sent;
+    size_t sent_capacity, sent_head, sent_count;
+};
+
+static void advance_plant(struct rig *r, uint64_t time_ps)
+{
+    uint64_t steps = time_ps / (PLANT_STEP_US * PS_PER_US);
+    if (r->plant != NULL && steps > r->plant_steps) {
+        plant_advance(r->plant, steps - r->plant_steps);
+    }
+    r->plant_steps = steps > r->plant_steps ? steps : r->plant_steps;
+}
+
+/* A pin that nobody drives is held low by the bridge's own pull-down. */
+static double high_fraction(double duty)
+{
+    return duty < 0 ? 0 : duty;
+}
+
+static void drive_bridges(struct rig *r)
+{
+    for (int wheel = 0; r->plant != NULL && wheel < RIG_WHEELS; wheel++) {
+        const double *duty = r->duty[r->swapped ? 1 - wheel : wheel];
+        bool connected = r->motor_connected[wheel];
+        plant_set_bridge(r->plant, wheel, connected ? high_fraction(duty[0]) : 0,
+                         connected ? high_fraction(duty[1]) : 0);
+    }
+}
+
+static void pin_driven(void *context, struct board_pin pin, double duty, uint64_t time_ps)
+{
+    struct rig *r = context;
+    if (pin.port == led_pin.port && pin.number == led_pin.number) {
+        r->led = duty;
+        return;
+    }
+    for (int i = 0; i < 2 * RIG_WHEELS; i++) {
+        const struct board_pin *p = &bridge_pins[i / 2][i % 2];
+        if (p->port == pin.port && p->number == pin.number) {
+            r->duty[i / 2][i % 2] = duty;
+            advance_plant(r, time_ps);
+            drive_bridges(r);
+        }
+    }
+}
+
+/* Counts that the two phases make with one of them at rest: the other toggles to and fro between two states. */
+static int64_t as_wired(enum rig_encoder_fault fault, int64_t position)
+{
+    int64_t state = (int64_t)((uint64_t)position & 3u);
+    switch (fault) {
+    case RIG_ENCODER_REVERSED:
+        return -position;
+    case RIG_ENCODER_PHASE_A: /* B is high in states 2 and 3; A low makes that state 3, one before 0 */
+        return state >= 2 ? -1 : 0;
+    case RIG_ENCODER_PHASE_B: /* A is high in states 1 and 2; B low makes that state 1 */
+        return state == 1 || state == 2 ? 1 : 0;
+    case RIG_ENCODER_UNPLUGGED:
+    case RIG_ENCODER_FROZEN:
+        return 0;
+    default:
+        return position;
+    }
+}
+
+static int64_t encoder_position(void *context, int encoder, uint64_t time_ps)
+{
+    struct rig *r = context;
+    advance_plant(r, time_ps);
+    int64_t position = r->plant == NULL || encoder >= RIG_WHEELS ? 0 : plant_encoder_position(r->plant, encoder);
+    return as_wired(r->encoder[encoder].fault, position) + r->encoder[encoder].offset;
+}
+
+static double pin_voltage(void *context, struct board_pin pin, uint64_t time_ps)
+{
+    struct rig *r = context;
+    if (pin.port != battery_pin.port || pin.number != battery_pin.number) {
+        return 0;
+    }
+    advance_plant(r, time_ps);
+    if (!r->sense_connected) {
+        return 0; /* the lower resistor pulls the pin down */
+    }
+    if (r->bench_v >= 0) {
+        return r->bench_v * DIVIDER;
+    }
+    return r->plant == NULL ? 0 : plant_battery_v(r->plant) * DIVIDER;
+}
+
+static bool grow_sent(struct rig *r)
+{
+    size_t capacity = r->sent_capacity == 0 ? 4096 : 2 * r->sent_capacity;
+    struct sent_byte *grown = malloc(capacity * sizeof *grown);
+    if (grown == NULL) {
+        return false;
+    }
+    for (size_t i = 0; i < r->sent_count; i++) {
+        grown[i] = r->sent[(r->sent_head + i) % r->sent_capacity];
+    }
+    free(r->sent);
+    r->sent = grown;
+    r->sent_capacity = capacity;
+    r->sent_head = 0;
+    return true;
+}
+
+static void usart_sent(void *context, int usart, uint8_t byte, double line_baud, uint64_t time_ps)
+{
+    struct rig *r = context;
+    if (usart != RIG_LINK_USART || r->link_baud <= 0 || (r->sent_count == r->sent_capacity && !grow_sent(r))) {
+        return;
+    }
+    if (fabs(line_baud / r->link_baud - 1) > 0.03) {
+        byte = (uint8_t)((byte << 1 | byte >> 7) ^ 0x80u); /* the host's receiver samples the wrong bits */
+    }
+    r->sent[(r->sent_head + r->sent_count) % r->sent_capacity] = (struct sent_byte){time_ps, byte};
+    r->sent_count++;
+}
+
+struct rig *rig_create(const struct plant_params *robot, uint64_t seed, const uint8_t unique_id[12],
+                       bool crystal_alive)
+{
+    struct rig *r = calloc(1, sizeof *r);
+    if (r == NULL) {
+        return NULL;
+    }
+    struct board_options options = {.seed = seed,
+                                    .crystal_hz = CRYSTAL_HZ,
+                                    .wires = {r, pin_driven, encoder_position, pin_voltage, usart_sent}};
+    memcpy(options.unique_id, unique_id, sizeof options.unique_id);
+    r->plant = robot != NULL ? plant_create(robot, seed) : NULL;
+    r->board = board_create(&options);
+    if (r->board == NULL || (robot != NULL && r->plant == NULL)) {
+        rig_destroy(r);
+        return NULL;
+    }
+    r->bench_v = -1;
+    r->led = -1;
+    r->link_baud = LINK_BAUD;
+    r->sense_connected = true;
+    board_set_crystal(r->board, crystal_alive);
+    for (int wheel = 0; wheel < RIG_WHEELS; wheel++) {
+        r->motor_connected[wheel] = true;
+        board_wire_encoder(r->board, wheel, encoder_pins[wheel][0], encoder_pins[wheel][1]);
+        board_watch_pin(r->board, bridge_pins[wheel][0]);
+        board_watch_pin(r->board, bridge_pins[wheel][1]);
+        r->duty[wheel][0] = r->duty[wheel][1] = -1;
+    }
+    board_watch_pin(r->board, led_pin);
+    drive_bridges(r);
+    return r;
+}
+
+void rig_destroy(struct rig *rig)
+{
+    if (rig == NULL) {
+        return;
+    }
+    board_destroy(rig->board);
+    plant_destroy(rig->plant);
+    free(rig->sent);
+    free(rig);
+}
+
+struct board *rig_board(struct rig *rig)
+{
+    return rig->board;
+}
+
+bool rig_flash(struct rig *rig, uint32_t address, const uint8_t *data, size_t length)
+{
+    return board_flash(rig->board, address, data, length);
+}
+
+void rig_run_us(struct rig *rig, uint64_t span_us)
+{
+    board_run_until(rig->board, board_time_ps(rig->board) + span_us * PS_PER_US);
+}
+
+uint64_t rig_time_us(const struct rig *rig)
+{
+    return board_time_ps(rig->board) / PS_PER_US;
+}
+
+void rig_link_write(struct rig *rig, const uint8_t *data, size_t length)
+{
+    uint64_t now_ps = board_time_ps(rig->board);
+    for (size_t i = 0; i < length && rig->link_baud > 0; i++) {
+        board_usart_receive(rig->board, RIG_LINK_USART, data[i], rig->link_baud, now_ps);
+    }
+}
+
+size_t rig_link_read(struct rig *rig, uint8_t *out, size_t capacity)
+{
+    size_t taken = 0;
+    uint64_t now_ps = board_time_ps(rig->board);
+    while (taken < capacity && rig->sent_count > 0 && rig->sent[rig->sent_head].time_ps <= now_ps) {
+        out[taken++] = rig->sent[rig->sent_head].byte;
+        rig->sent_head = (rig->sent_head + 1) % rig->sent_capacity;
+        rig->sent_count--;
+    }
+    return taken;
+}
+
+size_t rig_link_pending(const struct rig *rig)
+{
+    return board_usart_inbound(rig->board, RIG_LINK_USART);
+}
+
+void rig_link_baud(struct rig *rig, double baud)
+{
+    rig->link_baud = baud;
+}
+
+void rig_truth(struct rig *rig, struct plant_state *out)
+{
+    advance_plant(rig, board_time_ps(rig->board));
+    if (rig->plant == NULL) {
+        *out = (struct plant_state){.steps = rig->plant_steps};
+    } else {
+        plant_state(rig->plant, out);
+    }
+}
+
+void rig_bridge(const struct rig *rig, int wheel, double out[2])
+{
+    out[0] = rig->duty[wheel][0];
+    out[1] = rig->duty[wheel][1];
+}
+
+double rig_led(const struct rig *rig)
+{
+    return rig->led;
+}
+
+void rig_encoder_fault(struct rig *rig, int wheel, enum rig_encoder_fault fault)
+{
+    uint64_t now_ps = board_time_ps(rig->board);
+    struct encoder *e = &rig->encoder[wheel];
+    int64_t before = encoder_position(rig, wheel, now_ps);
+    e->fault = fault;
+    e->offset = 0;
+    int64_t raw = encoder_position(rig, wheel, now_ps);
+    e->offset = before - raw;
+}
+
+void rig_swap_motors(struct rig *rig, bool swapped)
+{
+    advance_plant(rig, board_time_ps(rig->board));
+    rig->swapped = swapped;
+    drive_bridges(rig);
+}
+
+void rig_motor_connected(struct rig *rig, int wheel, bool connected)
+{
+    advance_plant(rig, board_time_ps(rig->board));
+    rig->motor_connected[wheel] = connected;
+    drive_bridges(rig);
+}
+
+void rig_battery_sense_connected(struct rig *rig, bool connected)
+{
+    rig->sense_connected = connected;
+}
+
+void rig_bench_voltage(struct rig *rig, double volts)
+{
+    rig->bench_v = volts;
+}
+
+void rig_crystal_alive(struct rig *rig, bool alive)
+{
+    board_set_crystal(rig->board, alive);
+}
+
+void rig_power(struct rig *rig, bool on)
+{
+    board_power(rig->board, on);
+}
+
+void rig_reset(struct rig *rig, enum board_reset cause)
+{
+    board_reset(rig->board, cause);
+}

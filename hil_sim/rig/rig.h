@@ -1,0 +1,71 @@
+/* The rig: wires between the virtual board's pins and the plant's terminals, and the ways they can break. */
+#ifndef RIG_H
+#define RIG_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "../board/board.h"
+#include "../plant/plant.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { RIG_WHEELS = PLANT_WHEELS, RIG_LINK_USART = 3 };
+
+enum rig_encoder_fault {
+    RIG_ENCODER_GOOD,
+    RIG_ENCODER_UNPLUGGED, /* both phases rest at one level */
+    RIG_ENCODER_FROZEN,    /* the disc is loose: the counts stop where they are */
+    RIG_ENCODER_REVERSED,  /* phases swapped in the plug */
+    RIG_ENCODER_PHASE_A,   /* phase A dropped: only B toggles */
+    RIG_ENCODER_PHASE_B    /* phase B dropped: only A toggles */
+};
+
+struct rig;
+
+/* Robot NULL: none is connected (encoders rest, battery terminals dead unless battery_v says otherwise).
+   Returns NULL when the robot's parameters are bad or the CPU engine cannot be opened. */
+struct rig *rig_create(const struct plant_params *robot, uint64_t seed, const uint8_t unique_id[12],
+                       bool crystal_alive);
+void rig_destroy(struct rig *rig);
+
+struct board *rig_board(struct rig *rig);
+bool rig_flash(struct rig *rig, uint32_t address, const uint8_t *data, size_t length);
+
+/* Runs for this many microseconds of virtual time. */
+void rig_run_us(struct rig *rig, uint64_t span_us);
+uint64_t rig_time_us(const struct rig *rig);
+
+/* The link, USART3. Bytes to the board enter the line now, one after the other; bytes from it can be fetched once
+   they have been shifted out. */
+void rig_link_write(struct rig *rig, const uint8_t *data, size_t length);
+size_t rig_link_read(struct rig *rig, uint8_t *out, size_t capacity);
+size_t rig_link_pending(const struct rig *rig); /* bytes to the board still on the line */
+/* Speed of the host's port; bytes garble when the board's differs by more than 3 %. 0: the cable is cut. */
+void rig_link_baud(struct rig *rig, double baud);
+
+/* Truth of the robot at the present time. */
+void rig_truth(struct rig *rig, struct plant_state *out);
+/* Fraction of time the bridge inputs of a wheel are high at present: IN1, IN2. */
+void rig_bridge(const struct rig *rig, int wheel, double out[2]);
+/* Level of the status LED's pin, PC12; below 0: not driven. */
+double rig_led(const struct rig *rig);
+
+/* Faults. Each holds from the present time until it is taken back. */
+void rig_encoder_fault(struct rig *rig, int wheel, enum rig_encoder_fault fault);
+void rig_swap_motors(struct rig *rig, bool swapped);            /* each bridge drives the other wheel's motor */
+void rig_motor_connected(struct rig *rig, int wheel, bool connected);
+void rig_battery_sense_connected(struct rig *rig, bool connected); /* the divider loses the battery, motors keep it */
+void rig_bench_voltage(struct rig *rig, double volts);          /* the divider sees a bench supply; below 0: the battery */
+void rig_crystal_alive(struct rig *rig, bool alive);
+void rig_power(struct rig *rig, bool on);                       /* the board's supply; off also releases the bridges */
+void rig_reset(struct rig *rig, enum board_reset cause);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
