@@ -11,7 +11,7 @@ extern const uint32_t __data_load[];
 
 int main(void);
 
-/* What an untouched word of the stack holds. */
+/* What an untouched word of the stack holds: a debugger sees how deep the stack has ever been. */
 #define STACK_PAINT 0xC5C5C5C5u
 
 /* Apart from Reset_Handler, so that nothing the compiler does with FPU registers comes before the FPU. */
@@ -42,13 +42,4 @@ _Noreturn void Reset_Handler(void)
     SCB_CPACR |= CPACR_FPU_FULL;
     cpu_barrier();
     start_program();
-}
-
-uint32_t stack_high_water(void)
-{
-    const uint32_t *word = __stack_limit;
-    while (word < __stack_top && *word == STACK_PAINT) {
-        word++;
-    }
-    return (uint32_t)(__stack_top - word) * (uint32_t)sizeof *word;
 }

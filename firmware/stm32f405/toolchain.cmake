@@ -16,7 +16,7 @@ set(CMAKE_TRY_COMPILE_TARGET_TYPE STATIC_LIBRARY)
 # Paths inside the image are relative to the repository: its bytes do not depend on where that lies.
 get_filename_component(TRUING_REPOSITORY "${CMAKE_CURRENT_LIST_DIR}/../.." ABSOLUTE)
 set(TRUING_CPU_FLAGS
-    "-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -ffile-prefix-map=${TRUING_REPOSITORY}=.")
+    "-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 \"-ffile-prefix-map=${TRUING_REPOSITORY}=.\"")
 set(CMAKE_C_FLAGS_INIT "${TRUING_CPU_FLAGS} -ffunction-sections -fdata-sections")
 set(CMAKE_ASM_FLAGS_INIT "${TRUING_CPU_FLAGS}")
 

@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from elftools.elf.elffile import ELFFile
 
 import truing_protocol as tp
 from support.qemu import Qemu
@@ -24,6 +25,8 @@ from truing.link.refusals import faults_in
 
 pytestmark = pytest.mark.qemu
 
+# What start-up fills the stack with.
+STACK_PAINT = bytes.fromhex("c5c5c5c5")
 SEGMENTS = tuple(tp.Segment(tp.SegmentKind.EFFORT, 2000, level, level) for level in (0.35, 0.50, 0.45, 0.0))
 
 
@@ -133,6 +136,20 @@ def test_requests_sent_in_one_go_are_answered_in_order(board: Client) -> None:
     while len(got) < len(sent) and time.monotonic() < until:
         got += [frame.sequence for frame in board.receive(0.2)]
     assert got == sent
+
+
+def test_half_of_the_stack_stays_unused(qemu: Qemu, board: Client, image: Path) -> None:
+    with image.open("rb") as file:
+        symbols = ELFFile(file).get_section_by_name(".symtab")
+        limit, top = (
+            symbols.get_symbol_by_name(name)[0]["st_value"] for name in ("__stack_limit", "__stack_top")
+        )
+    upload(board)
+    with qemu.debugger() as processor:
+        stack = b"".join(processor.read_memory(at, 1024) for at in range(limit, top, 1024))
+    untouched = next(i for i in range(0, len(stack), 4) if stack[i : i + 4] != STACK_PAINT)
+    print(f"{len(stack) - untouched} of {len(stack)} bytes of stack used")
+    assert untouched >= len(stack) // 2
 
 
 def test_a_reset_gives_another_boot_id(qemu: Qemu, board: Client) -> None:
