@@ -5,7 +5,8 @@
 #include "fault.h"
 #include "registers.h"
 
-extern uint32_t __vectors[], __stack_limit[], __stack_paint_end[], __stack_top[];
+/* Places of the linker script; only their addresses mean anything. */
+extern uint32_t __vectors[], __stack_limit[], __stack_paint_end[];
 extern uint32_t __data_start[], __data_end[], __bss_start[], __bss_end[];
 extern const uint32_t __data_load[];
 
@@ -14,19 +15,28 @@ int main(void);
 /* What an untouched word of the stack holds: a debugger sees how deep the stack has ever been. */
 #define STACK_PAINT 0xC5C5C5C5u
 
+/* Words between two places of the linker script. */
+static uint32_t words_between(const uint32_t *from, const uint32_t *to)
+{
+    return (uint32_t)(((uintptr_t)to - (uintptr_t)from) / sizeof(uint32_t));
+}
+
+static void fill(volatile uint32_t *at, uint32_t words, uint32_t value)
+{
+    for (uint32_t i = 0; i < words; i++) {
+        at[i] = value;
+    }
+}
+
 /* Apart from Reset_Handler, so that nothing the compiler does with FPU registers comes before the FPU. */
 static _Noreturn __attribute__((noinline)) void start_program(void)
 {
-    for (uint32_t *word = __stack_limit; word < __stack_paint_end; word++) {
-        *(volatile uint32_t *)word = STACK_PAINT;
+    fill(__stack_limit, words_between(__stack_limit, __stack_paint_end), STACK_PAINT);
+    const uint32_t data_words = words_between(__data_start, __data_end);
+    for (uint32_t i = 0; i < data_words; i++) {
+        __data_start[i] = __data_load[i];
     }
-    const uint32_t *from = __data_load;
-    for (uint32_t *to = __data_start; to < __data_end; to++) {
-        *to = *from++;
-    }
-    for (uint32_t *to = __bss_start; to < __bss_end; to++) {
-        *to = 0;
-    }
+    fill(__bss_start, words_between(__bss_start, __bss_end), 0);
     faults_enable();
     (void)main();
     for (;;) { /* main does not return */
