@@ -19,8 +19,8 @@ if(WAY STREQUAL "flash")
   find_program(stflash st-flash)
   if(openocd)
     run_or_stop("${openocd}" -f interface/stlink.cfg -f target/stm32f4x.cfg
-      -c "program ${code} ${code_address} verify"
-      -c "program ${vectors} ${vectors_address} verify reset exit")
+      -c "program {${code}} ${code_address} verify"
+      -c "program {${vectors}} ${vectors_address} verify reset exit")
   elseif(stflash)
     run_or_stop("${stflash}" write "${code}" ${code_address})
     run_or_stop("${stflash}" --reset write "${vectors}" ${vectors_address})
@@ -39,7 +39,8 @@ elseif(WAY STREQUAL "flash-rom")
     message(STATUS "TRUING_PORT is not set; using ${port}")
   endif()
   run_or_stop("${stm32flash}" -b 115200 -S ${code_address} -w "${code}" -v "${port}")
-  run_or_stop("${stm32flash}" -b 115200 -S ${vectors_address} -w "${vectors}" -v "${port}")
+  # -c: the loader has taken its baud rate from the first connection.
+  run_or_stop("${stm32flash}" -c -b 115200 -S ${vectors_address} -w "${vectors}" -v "${port}")
   message(STATUS "Written. Take BOOT0 back to 0 and reset the board.")
 else()
   message(FATAL_ERROR "WAY must be flash or flash-rom")
