@@ -48,7 +48,7 @@ static double voltage(struct board *b, uint32_t c)
     }
     struct board_pin pin = pins[c];
     if ((b->gpio[pin.port - 'A'].moder >> (2 * pin.number) & 3u) != 3) {
-        warn(b, 0xF0000090u + c, "ADC converts channel %u, but P%c%u is not in analogue mode", (unsigned)c, pin.port,
+        note_oddity(b, 0xF0000090u + c, "ADC converts channel %u, but P%c%u is not in analogue mode", (unsigned)c, pin.port,
              (unsigned)pin.number);
     }
     return b->options.wires.pin_voltage(b->options.wires.context, pin, time_to_ps(b, b->moment));
@@ -121,7 +121,7 @@ static void write_cr2(struct board *b, int adc, uint32_t value)
     bool was_on = (a->cr2 & ADON) != 0;
     a->cr2 = value & ~SWSTART;
     if ((value & (3u << 28 | 3u << 20 | 1u << 22 | 1u << 8)) != 0) {
-        warn(b, 0xF00000B0u, "ADC triggers, injected conversions and DMA are not modelled");
+        note_oddity(b, 0xF00000B0u, "ADC triggers, injected conversions and DMA are not modelled");
     }
     if ((value & ADON) == 0) {
         a->busy = false;

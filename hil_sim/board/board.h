@@ -6,9 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+#pragma GCC visibility push(default)
 
 struct board;
 
@@ -113,8 +111,6 @@ void board_stats(const struct board *board, struct board_stats *out);
    the end; hits counts how often. */
 const char *board_warning(const struct board *board, size_t index, uint64_t *hits);
 
-#ifdef __cplusplus
-}
-#endif
+#pragma GCC visibility pop
 
 #endif

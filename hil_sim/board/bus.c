@@ -43,7 +43,7 @@ static const struct region {
 } regions[] = {{0x40000000, 0x8000},   {0x40010000, 0x5000},    {0x40020000, 0x60000}, {0x50000000, 0x61000},
                {0xE0000000, 0x100000}, {0x42000000, 0x2000000}, {0x22000000, 0x400000}};
 
-void warn(struct board *b, uint32_t key, const char *format, ...)
+void note_oddity(struct board *b, uint32_t key, const char *format, ...)
 {
     for (size_t i = 0; i < b->warning_count; i++) {
         if (b->warnings[i].key == key) {
@@ -186,7 +186,7 @@ static void access_word(struct board *b, uint32_t address, bool write, uint32_t 
     } else {
         p = find(b, address);
         if (p != NULL && !has_clock(b, p)) {
-            warn(b, p->base | 1u, "%s accessed while its clock is off", p->name);
+            note_oddity(b, p->base | 1u, "%s accessed while its clock is off", p->name);
             return;
         }
         uint32_t offset = p != NULL ? address - p->base : 0;
@@ -195,10 +195,10 @@ static void access_word(struct board *b, uint32_t address, bool write, uint32_t 
     if (!known) {
         const char *verb = write ? "written" : "read";
         if (p != NULL) {
-            warn(b, address ^ (write ? 2u : 0), "%s register 0x%02X is not modelled (%s)", p->name,
+            note_oddity(b, address ^ (write ? 2u : 0), "%s register 0x%02X is not modelled (%s)", p->name,
                  (unsigned)(address - p->base), verb);
         } else {
-            warn(b, address ^ (write ? 2u : 0), "register 0x%08X is not modelled (%s)", (unsigned)address, verb);
+            note_oddity(b, address ^ (write ? 2u : 0), "register 0x%08X is not modelled (%s)", (unsigned)address, verb);
         }
     }
 }

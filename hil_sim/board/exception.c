@@ -28,7 +28,7 @@ static const int frame_registers[] = {UC_ARM_REG_R0, UC_ARM_REG_R1,  UC_ARM_REG_
 static void lock_up(struct board *b)
 {
     b->locked_up = true;
-    warn(b, 0xF0000001u, "core locked up: a fault that no handler could take");
+    note_oddity(b, 0xF0000001u, "core locked up: a fault that no handler could take");
 }
 
 static void spend(struct board *b, uint64_t cycles)

@@ -155,7 +155,7 @@ void flash_close_window(struct board *b)
     bool allowed = (b->flash.cr & (LOCK | PG)) == PG && (b->flash.sr & (WRPERR | PGAERR | PGPERR | PGSERR)) == 0;
     if (!allowed) {
         b->flash.sr |= PGSERR;
-        warn(b, 0xF0000010u, "store into flash without FLASH_CR.PG: ignored");
+        note_oddity(b, 0xF0000010u, "store into flash without FLASH_CR.PG: ignored");
     }
     uint64_t total = 0;
     bool changed = false;
@@ -186,7 +186,7 @@ static void write_cr(struct board *b, uint32_t value)
 {
     struct flash *f = &b->flash;
     if ((f->cr & LOCK) != 0) {
-        warn(b, 0xF0000011u, "FLASH_CR written while locked: ignored");
+        note_oddity(b, 0xF0000011u, "FLASH_CR written while locked: ignored");
         return;
     }
     if ((f->sr & BSY) != 0) {

@@ -312,7 +312,7 @@ uint64_t bus_read(uc_engine *uc, uint64_t offset, unsigned size, void *region);
 void bus_write(uc_engine *uc, uint64_t offset, unsigned size, uint64_t value, void *region);
 bool bus_map(struct board *b);
 void bus_reset_peripherals(struct board *b, unsigned rcc_bus, uint32_t bits);
-void warn(struct board *b, uint32_t key, const char *format, ...) __attribute__((format(printf, 3, 4)));
+void note_oddity(struct board *b, uint32_t key, const char *format, ...) __attribute__((format(printf, 3, 4)));
 
 /* one file each; false: no such register */
 bool rcc_access(struct board *b, uint32_t offset, bool write, uint32_t *value);

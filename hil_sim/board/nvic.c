@@ -136,9 +136,9 @@ static void change(struct board *b, uint32_t map[4], uint32_t word, uint32_t bit
 bool nvic_access(struct board *b, uint32_t offset, bool write, uint32_t *value, unsigned size)
 {
     uint32_t word = (offset & 0x7Fu) / 4;
-    if (offset >= 0x400u && offset < 0x400u + 240u) {
+    if (offset >= 0x300u && offset < 0x300u + 240u) { /* IPR */
         for (unsigned i = 0; i < size; i++) {
-            unsigned exception = EXC_IRQ0 + offset - 0x400u + i;
+            unsigned exception = EXC_IRQ0 + offset - 0x300u + i;
             if (exception >= BOARD_EXCEPTIONS) {
                 break;
             }
@@ -153,8 +153,11 @@ bool nvic_access(struct board *b, uint32_t offset, bool write, uint32_t *value, 
         }
         return true;
     }
-    if (offset >= 0x300u || word > 3) {
-        return offset < 0x280u;
+    if (offset >= 0x280u) {
+        return false;
+    }
+    if (word > 2) {
+        return true; /* interrupts beyond the chip's last read as zero */
     }
     uint32_t *map = offset < 0x100u ? b->nvic.enabled : offset < 0x200u ? b->nvic.pending : b->nvic.active;
     if (offset >= 0x200u && write) {

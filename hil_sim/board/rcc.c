@@ -65,15 +65,15 @@ static void apply(struct board *b)
     }
     pins_update(b);
     if (sysclk > 168000000u) {
-        warn(b, 0xF0000002u, "core clock %u Hz is above the 168 MHz of the datasheet", (unsigned)sysclk);
+        note_oddity(b, 0xF0000002u, "core clock %u Hz is above the 168 MHz of the datasheet", (unsigned)sysclk);
     }
     if (hz / ppre1 > 42000000u || hz / ppre2 > 84000000u) {
-        warn(b, 0xF0000003u, "APB clock above its limit: APB1 %u Hz, APB2 %u Hz", (unsigned)(hz / ppre1),
+        note_oddity(b, 0xF0000003u, "APB clock above its limit: APB1 %u Hz, APB2 %u Hz", (unsigned)(hz / ppre1),
              (unsigned)(hz / ppre2));
     }
     /* 30 MHz for each wait state at 2.7 to 3.6 V, RM0090 table 10. */
     if (hz > 30000000u * ((b->flash.acr & 7u) + 1)) {
-        warn(b, 0xF0000004u, "flash has %u wait states at %u Hz: too few", (unsigned)(b->flash.acr & 7u),
+        note_oddity(b, 0xF0000004u, "flash has %u wait states at %u Hz: too few", (unsigned)(b->flash.acr & 7u),
              (unsigned)hz);
     }
 }
@@ -166,7 +166,7 @@ void rcc_crystal_changed(struct board *b)
         nvic_pend(b, EXC_NMI, true);
     } else if (from_crystal) {
         b->clock_dead = true;
-        warn(b, 0xF0000005u, "the crystal stopped under a running core without clock security");
+        note_oddity(b, 0xF0000005u, "the crystal stopped under a running core without clock security");
     }
 }
 
@@ -236,7 +236,7 @@ bool rcc_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
         if (write && (r->cr & PLLON) == 0) { /* only while the PLL is off, RM0090 7.3.2 */
             r->pllcfgr = *value & 0x0F437FFFu;
         } else if (write) {
-            warn(b, 0xF0000006u, "RCC_PLLCFGR written while the PLL runs: ignored");
+            note_oddity(b, 0xF0000006u, "RCC_PLLCFGR written while the PLL runs: ignored");
         }
         *value = r->pllcfgr;
         return true;

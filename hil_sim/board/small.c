@@ -14,7 +14,7 @@ static uint32_t random_word(uint64_t *state)
 bool rng_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
 {
     if ((b->rcc.enr[1] & 1u << 6) == 0) {
-        warn(b, 0xF00000C0u, "RNG accessed while its clock is off");
+        note_oddity(b, 0xF00000C0u, "RNG accessed while its clock is off");
         return true;
     }
     bool ready = (b->rng_cr & 4u) != 0 && (b->rcc.cr & 1u << 25) != 0;
@@ -58,7 +58,7 @@ bool exti_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
         *store[offset / 4] = write ? *value & 0x7FFFFFu : *store[offset / 4];
         *value = *store[offset / 4];
         if (write && offset >= 8 && *value != 0) {
-            warn(b, 0xF00000D0u, "EXTI edges at pins are not modelled");
+            note_oddity(b, 0xF00000D0u, "EXTI edges at pins are not modelled");
         }
     } else if (offset == 0x10) {
         e->pr |= write ? *value & e->imr : 0;

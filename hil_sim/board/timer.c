@@ -194,13 +194,13 @@ static void write_register(struct board *b, int timer, uint32_t offset, uint32_t
     case 0x08:
         t->smcr = value;
         if ((value & 7u) > 3) {
-            warn(b, 0xF0000020u + (uint32_t)timer, "TIM%d slave mode %u is not modelled", timer, (unsigned)value & 7u);
+            note_oddity(b, 0xF0000020u + (uint32_t)timer, "TIM%d slave mode %u is not modelled", timer, (unsigned)value & 7u);
         }
         break;
     case 0x0C:
         t->dier = value;
         if ((value & ~(uint32_t)UIE) != 0) {
-            warn(b, 0xF0000030u + (uint32_t)timer, "TIM%d interrupts other than update are not modelled", timer);
+            note_oddity(b, 0xF0000030u + (uint32_t)timer, "TIM%d interrupts other than update are not modelled", timer);
         }
         break;
     case 0x10:

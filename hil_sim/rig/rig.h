@@ -9,9 +9,7 @@
 #include "../board/board.h"
 #include "../plant/plant.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+#pragma GCC visibility push(default)
 
 enum { RIG_WHEELS = PLANT_WHEELS, RIG_LINK_USART = 3 };
 
@@ -64,8 +62,6 @@ void rig_crystal_alive(struct rig *rig, bool alive);
 void rig_power(struct rig *rig, bool on);                       /* the board's supply; off also releases the bridges */
 void rig_reset(struct rig *rig, enum board_reset cause);
 
-#ifdef __cplusplus
-}
-#endif
+#pragma GCC visibility pop
 
 #endif

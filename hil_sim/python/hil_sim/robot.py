@@ -19,6 +19,7 @@ DEFAULT_BOARD_ID = bytes.fromhex("3930325547310a0000000001")
 EXCEPTIONS = 98
 """Exception numbers of the STM32F405: 16 of the core and 82 of the chip."""
 
+_BUFFER_SIZE = 4096
 _FLASH = range(0x08000000, 0x08100000)
 
 
@@ -116,6 +117,7 @@ class VirtualRobot:
         self._rig: int | None = None
         if len(board_id) != 12:
             raise VirtualRobotError(f"a board id has 12 bytes, not {len(board_id)}")
+        self._buffer = ctypes.create_string_buffer(_BUFFER_SIZE)
         self._library = native.load(library) if library else native.load()
         self.image = Image.load(Path(image))
         self.robot = robot or RobotParameters.msrp(library)
@@ -173,11 +175,10 @@ class VirtualRobot:
 
     def link_read(self) -> bytes:
         """Return the bytes that the board has completely shifted out by now and that were not yet read."""
-        chunks = []
-        buffer = ctypes.create_string_buffer(65536)
-        while (n := int(self._library.rig_link_read(self._rig, buffer, len(buffer)))) > 0:
-            chunks.append(buffer.raw[:n])
-        return b"".join(chunks)
+        received = b""
+        while (n := int(self._library.rig_link_read(self._rig, self._buffer, _BUFFER_SIZE))) > 0:
+            received += ctypes.string_at(self._buffer, n)
+        return received
 
     def link_pending(self) -> int:
         """Return how many bytes to the board are still on the line."""
