@@ -152,7 +152,7 @@ def _check_sides(run: Run, baseline: Baseline | None) -> list[Finding]:
         f"({100 * low:.0f} to {100 * high:.0f} % in most rows): "
     )
     wander = high - low > 0.15
-    text += "its encoder loses counts" if wander else "its counts per revolution, radius or gearing differ"
+    text += "its encoder miscounts" if wander else "its counts per revolution, radius or gearing differ"
     return [Finding(run.name, text, slow, "sides")]
 
 

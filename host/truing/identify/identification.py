@@ -22,7 +22,7 @@ ONE_WAY_SHARE = 0.95
 # A ramp's time constant this much above the steps' is friction in disguise.
 DOUBT_FACTOR = 1.5
 RAMP_NOTE = (
-    "a ramp alone cannot tell lag from dry friction: without friction in the model, gain and τ come out too high"
+    "a ramp alone cannot tell lag from dry friction: without friction in it, gain and τ come out too high"
 )
 
 
@@ -95,7 +95,7 @@ class Identification:
         }
 
 
-def _silent(share: float) -> None:  # noqa: ARG001 (the form of a progress function)
+def _silent(share: float) -> None:
     pass
 
 

@@ -76,8 +76,10 @@ def _measure(run: Run, wheel: Wheel, speed: WheelSpeed, level: Level, number: in
         gain = _gain(level, steady)
         time_constant, change = _time_constant(run.t_s, speed, level, steady, ripple)
         if abs(drift) > max(SETTLED_SHARE * abs(change), STAND_OUT * ripple) and change != 0.0:
-            notes.append(f"not settled: the speed still moved by {abs(drift / change):.0%} of the step")
-        if ripple > LARGE_RIPPLE * abs(steady) and abs(steady) > 2.0 * speed.resolution:
+            share = 100.0 * abs(drift / change)
+            notes.append(f"not settled: the speed still moved by {share:.0f} % of the step")
+        large = max(LARGE_RIPPLE * abs(steady), 2.0 * speed.resolution)
+        if level.value != 0.0 and ripple > large:
             notes.append(f"the steady speed of {steady:.3g} m/s ripples by {ripple:.2g} m/s")
     return StepMetrics(
         wheel=wheel,

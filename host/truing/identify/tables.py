@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rich.box import SIMPLE_HEAD
@@ -252,7 +252,7 @@ def fits_csv(result: Identification) -> str:
     return _to_csv(rows)
 
 
-def _to_csv(rows: Sequence[dict[str, str | int]]) -> str:
+def _to_csv(rows: Sequence[Mapping[str, object]]) -> str:
     out = io.StringIO()
     if rows:
         writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
