@@ -7,7 +7,6 @@
 
 /* Datasheet DocID022152: a crystal starts in 2 ms typically (section 5.3.8), the RC oscillator within 4 us
  * (5.3.9), the PLL locks within 0.3 ms (5.3.10). The limits leave room for a poor crystal. */
-#define HSI_HZ             16000000u
 #define CRYSTAL_TIMEOUT_US 50000u
 #define PLL_TIMEOUT_US     2000u
 #define SWITCH_TIMEOUT_US  1000u
@@ -31,7 +30,7 @@
 /* True once all bits of `mask` in `reg` read as `value`. SysTick measures, as it runs from the start. */
 static bool wait_for(const reg32 *reg, uint32_t mask, uint32_t value, uint32_t timeout_us)
 {
-    const uint32_t limit = timeout_us * (HSI_HZ / 1000000u);
+    const uint32_t limit = timeout_us * (CLOCK_RESET_HZ / 1000000u);
     const uint32_t start = SYSTICK->val;
     do {
         if ((*reg & mask) == value) {
@@ -127,8 +126,10 @@ void clock_start(struct clock *out)
         describe_pll(out, CLOCK_INTERNAL_PLL, INTERNAL_PLL_HZ);
     } else {
         return_to_internal();
-        *out = (struct clock){
-            .source = CLOCK_INTERNAL, .core_hz = HSI_HZ, .apb1_hz = HSI_HZ, .timer_apb2_hz = HSI_HZ};
+        *out = (struct clock){.source = CLOCK_INTERNAL,
+                              .core_hz = CLOCK_RESET_HZ,
+                              .apb1_hz = CLOCK_RESET_HZ,
+                              .timer_apb2_hz = CLOCK_RESET_HZ};
     }
     SYSTICK->ctrl = 0;
 }

@@ -5,6 +5,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* What everything runs from after a reset: the internal RC oscillator. */
+#define CLOCK_RESET_HZ 16000000u
+
 enum clock_source {
     CLOCK_CRYSTAL_PLL,  /* 8 MHz crystal, 168 MHz */
     CLOCK_INTERNAL_PLL, /* the crystal did not start: RC oscillator through the PLL, 166 MHz */

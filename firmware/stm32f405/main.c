@@ -108,8 +108,9 @@ int main(void)
 {
     struct clock clock;
     watchdog_start();
-    clock_start(&clock);
     start_peripheral_clocks();
+    motors_start(CLOCK_RESET_HZ); /* brakes: a robot that restarts at speed must not wait for the crystal */
+    clock_start(&clock);
     motors_start(clock.timer_apb2_hz);
     encoders_start();
     battery_start();

@@ -6,7 +6,8 @@
 
 #define MOTOR_PWM_HZ 20000u
 
-/* Takes the pins over with both bridges braking. */
+/* Takes the pins over with both bridges braking; again, with the other frequency, when the clock has changed.
+ */
 void motors_start(uint32_t timer_hz);
 
 /* Brakes both bridges at once, by one write that needs no other state; for fault handlers. */
