@@ -393,6 +393,10 @@ static void remember(struct reply_cache *cache, const struct frame *request, uin
 void requests_answer(struct controller *controller, const struct frame *request)
 {
     struct reply_cache *const cache = &controller->cache;
+    /* Replies, of another board on the line or echoed by it: to answer them would never end. */
+    if ((request->id & PROTO_REPLY_BIT) != 0) {
+        return;
+    }
     /* A stop is carried out however often it comes. */
     if (request->id != PROTO_ID_STOP && is_repeated(cache, request)) {
         link_send(&controller->link, cache->reply_id, request->sequence, cache->reply, cache->length);

@@ -21,7 +21,11 @@ void robot_init(struct robot *robot, bool clock_fallback)
     memset(&robot->sequence, 0, sizeof robot->sequence); /* state EMPTY is 0 */
     recorder_init(&robot->recorder);
     supervisor_init(&robot->supervisor, clock_fallback);
-    robot->view = (struct supervisor_view){.still = {true, true}};
+    robot->view = (struct supervisor_view){
+        .still = {true, true},
+        .battery_mv = robot->sample.battery_mv,
+        .battery_valid = robot->sample.battery_valid,
+    };
     robot->now_ms = 0;
     log_init(&robot->log);
 }

@@ -7,6 +7,9 @@
 
 #include "proto.h"
 
+/* Faults whose cause is over once it has been seen: nothing has to go away before they can be cleared. */
+static const uint32_t passing_faults = (uint32_t)PROTO_FAULT_HOST_SILENT | (uint32_t)PROTO_FAULT_LOOP_OVERRUN;
+
 struct rule {
     uint32_t fault; /* enum proto_fault */
     bool (*present)(const struct supervisor *, const struct tuning *, const struct supervisor_view *);
@@ -141,7 +144,7 @@ bool supervisor_step(struct supervisor *supervisor, const struct tuning *tuning,
 uint32_t supervisor_self_check(const struct supervisor *supervisor, const struct tuning *tuning,
                                const struct supervisor_view *view, bool from_rest)
 {
-    uint32_t unfit = supervisor->active & PROTO_FAULTS_THAT_STOP;
+    uint32_t unfit = supervisor->active & PROTO_FAULTS_THAT_STOP & ~passing_faults;
     if (from_rest && !view->still[0]) {
         unfit |= PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE;
     }
@@ -159,7 +162,7 @@ uint32_t supervisor_self_check(const struct supervisor *supervisor, const struct
 
 uint32_t supervisor_clear(struct supervisor *supervisor)
 {
-    const uint32_t present = supervisor->active & PROTO_FAULTS_THAT_STOP;
+    const uint32_t present = supervisor->active & PROTO_FAULTS_THAT_STOP & ~passing_faults;
     if (present == 0) {
         supervisor->latched = 0;
         if (supervisor->state == PROTO_STATE_STOPPED) {

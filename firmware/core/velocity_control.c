@@ -25,8 +25,22 @@ static float slew(float from, float to, float step)
 void velocity_control_reset(struct velocity_control *control, float speed_mps, float effort)
 {
     control->tracked_mps = speed_mps;
+    for (int i = 0; i < VELOCITY_CONTROL_DELAY_MS; i++) {
+        control->earlier_mps[i] = speed_mps;
+    }
+    control->next = 0;
     control->integral = 0.0f;
     control->effort = effort;
+}
+
+/* What the wheel was meant to do when it did what is measured now. Compared with the speed of this moment, a
+ * ramp would look like an error that the feedforward has left behind, and the integral would overshoot it. */
+static float delayed(struct velocity_control *control, float speed_mps)
+{
+    const float then = control->earlier_mps[control->next];
+    control->earlier_mps[control->next] = speed_mps;
+    control->next = (uint8_t)((control->next + 1u) % VELOCITY_CONTROL_DELAY_MS);
+    return then;
 }
 
 float velocity_control_step(struct velocity_control *control, const struct velocity_gains *gains,
@@ -44,7 +58,7 @@ float velocity_control_step(struct velocity_control *control, const struct veloc
 
     const float acceleration = (speed - before) / tick_s;
     const float feedforward = gains->ks * sign(speed) + gains->kv * speed + gains->ka * acceleration;
-    const float error = speed - measured_mps;
+    const float error = delayed(control, speed) - measured_mps;
     const float wanted = feedforward + gains->kp * error + control->integral;
     const float limited = clampf(wanted, -gains->effort_limit, gains->effort_limit);
     const float output = slew(control->effort, limited, gains->effort_slew_per_s * tick_s);

@@ -3,6 +3,9 @@
 #define VELOCITY_CONTROL_H
 
 #include <stdbool.h>
+#include <stdint.h>
+
+#include "wheel_speed.h"
 
 struct velocity_gains {
     float kp;                /* effort per m/s */
@@ -15,10 +18,15 @@ struct velocity_gains {
     float accel_limit_mps2;  /* slew of the tracked speed */
 };
 
+/* A speed from counts is a mean over the window before it: it tells of the middle of that window. */
+enum { VELOCITY_CONTROL_DELAY_MS = WHEEL_SPEED_WINDOW_MS / 2 };
+
 struct velocity_control {
     float tracked_mps; /* the command after its slew limit: what the loop follows */
-    float integral;    /* effort */
-    float effort;      /* last output */
+    float earlier_mps[VELOCITY_CONTROL_DELAY_MS]; /* tracked_mps of the ticks before, oldest at `next` */
+    uint8_t next;
+    float integral; /* effort */
+    float effort;   /* last output */
 };
 
 /* Takes over a wheel that turns at `speed_mps` under `effort`, without a jump of the command. */

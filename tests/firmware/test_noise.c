@@ -1,0 +1,160 @@
+/* Nothing that comes over the line can crash the controller, and noise never starts a motor. */
+#include "bench.h"
+
+#include "random.h"
+
+enum { NOISE_BYTES = 10 * 1000 * 1000 };
+
+void setUp(void)
+{
+    bench_power_up();
+}
+
+void tearDown(void)
+{
+}
+
+/* Takes and checks all that was sent: only whole frames may come. */
+static void drain(void)
+{
+    (void)bench_hear();
+    TEST_ASSERT_EQUAL_UINT32(0, bench.decoder.dropped);
+}
+
+static void assert_no_motor_runs(void)
+{
+    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
+    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[1]);
+}
+
+static void ten_megabytes_of_noise_crash_nothing_and_start_no_motor(void)
+{
+    uint8_t bytes[92];
+    random_seed(2023);
+    for (uint32_t sent = 0; sent < NOISE_BYTES; sent += sizeof bytes) {
+        for (size_t i = 0; i < sizeof bytes; i++) {
+            bytes[i] = (uint8_t)random_u32();
+        }
+        (void)hal_host_receive(&bench.board, bytes, sizeof bytes);
+        bench_run(1); /* 92 bytes are a millisecond at 921600 baud */
+        assert_no_motor_runs();
+    }
+    drain();
+    const uint8_t zero = 0; /* what ends the noise; the very next frame is heard */
+    (void)hal_host_receive(&bench.board, &zero, 1);
+    const struct proto_status_reply status = bench_status();
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, status.state);
+    TEST_ASSERT_TRUE(status.frames_dropped > NOISE_BYTES / 512);
+    printf("%d bytes of noise, %u damaged frames dropped\n", NOISE_BYTES, status.frames_dropped);
+}
+
+/* Bytes in short runs between zeros reach the code behind the stuffing more often than even noise does. */
+static void noise_rich_in_zeros_and_codes_crashes_nothing(void)
+{
+    static const uint8_t favoured[] = {0, 0, 1, 2, 3, 8, 9, 0x42, 0x40, 0xFE, 0xFF};
+    uint8_t bytes[92];
+    random_seed(2024);
+    for (uint32_t sent = 0; sent < NOISE_BYTES / 10; sent += sizeof bytes) {
+        for (size_t i = 0; i < sizeof bytes; i++) {
+            bytes[i] = favoured[random_below(sizeof favoured)];
+        }
+        (void)hal_host_receive(&bench.board, bytes, sizeof bytes);
+        bench_run(1);
+        assert_no_motor_runs();
+    }
+    drain();
+}
+
+static void say_random_frame(uint8_t id, size_t length)
+{
+    static uint8_t payload[PROTO_MAX_PAYLOAD];
+    for (size_t i = 0; i < length; i++) {
+        payload[i] = (uint8_t)random_u32();
+    }
+    bench_say(id, (uint16_t)random_below(4), payload, length);
+}
+
+/* Sound frames whose contents are noise: the right lengths as often as wrong ones. */
+static void sound_frames_of_random_contents_crash_nothing_and_keep_to_the_limits(void)
+{
+    static const uint8_t lengths[] = {0, 0, 1, 2, 4, 6, 8, 15, 28};
+    random_seed(2025);
+    bench_set_parameter(PROTO_PARAMETER_EFFORT_LIMIT, 0.5f);
+    for (int i = 0; i < 300000; i++) {
+        uint8_t id = (uint8_t)random_below(0x48);
+        /* The limit itself stays: what is watched below. */
+        while (id == PROTO_ID_PARAM_SET) {
+            id = (uint8_t)random_u32();
+        }
+        const size_t length = random_below(50) == 0 ? random_below(PROTO_MAX_PAYLOAD + 1)
+                                                    : lengths[random_below(sizeof lengths)];
+        say_random_frame(id, length);
+        bench_run(1);
+        TEST_ASSERT_TRUE(bench.board.effort_e4[0] <= 5000 && bench.board.effort_e4[0] >= -5000);
+        TEST_ASSERT_TRUE(bench.board.effort_e4[1] <= 5000 && bench.board.effort_e4[1] >= -5000);
+        if (i % 16 == 0) {
+            drain();
+        }
+    }
+    drain();
+    TEST_ASSERT_TRUE(bench.replies > 250000);
+}
+
+static void sound_frames_of_random_contents_start_no_motor_on_an_unfit_robot(void)
+{
+    random_seed(2026);
+    bench.board.sample.battery_valid = false;
+    for (int i = 0; i < 300000; i++) {
+        say_random_frame((uint8_t)random_u32(), random_below(30));
+        bench_run(1);
+        assert_no_motor_runs();
+        if (i % 16 == 0) {
+            drain();
+        }
+    }
+}
+
+/* Parameters of every allowed value, sensors of every possible one: no arithmetic may break. */
+static void random_parameters_and_sensors_break_no_arithmetic(void)
+{
+    random_seed(2027);
+    for (int round = 0; round < 400; round++) {
+        bench_power_up();
+        bench.motors_turn = false;
+        for (uint16_t i = 0; i < PROTO_PARAMETER_COUNT; i++) {
+            const struct proto_parameter_info *const info = &proto_parameters[i];
+            const float part =
+                random_below(4) == 0 ? (float)random_below(2) : (float)random_below(1000) / 999.0f;
+            float value = info->minimum + part * (info->maximum - info->minimum);
+            if (info->kind != PROTO_PARAMETER_KIND_REAL) {
+                value = floorf(value);
+            }
+            bench_set_parameter(i, fminf(value, info->maximum));
+            bench_expect_accepted();
+        }
+        bench_set_parameter(PROTO_PARAMETER_BATTERY_LOW_V, 0.0f);
+        bench_set_parameter(PROTO_PARAMETER_ENCODER_SPEED_MAX_MPS, 50.0f);
+        for (int i = 0; i < 200; i++) {
+            bench_set_velocity((float)random_below(2000) / 1000.0f - 1.0f,
+                               (float)random_below(2000) / 1000.0f - 1.0f);
+            bench.board.sample.counts[0] = (int32_t)random_u32();
+            bench.board.sample.counts[1] += (int32_t)random_below(100);
+            bench_run(1 + random_below(3));
+            (void)bench_status();
+            if (bench_status().state == PROTO_STATE_STOPPED) {
+                bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+            }
+        }
+    }
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(ten_megabytes_of_noise_crash_nothing_and_start_no_motor);
+    RUN_TEST(noise_rich_in_zeros_and_codes_crashes_nothing);
+    RUN_TEST(sound_frames_of_random_contents_crash_nothing_and_keep_to_the_limits);
+    RUN_TEST(sound_frames_of_random_contents_start_no_motor_on_an_unfit_robot);
+    RUN_TEST(random_parameters_and_sensors_break_no_arithmetic);
+    return UNITY_END();
+}

@@ -1,0 +1,749 @@
+/* Every request is answered once, every bad one is refused by name, and a refused one moves nothing. */
+#include "bench.h"
+
+#include "random.h"
+
+void setUp(void)
+{
+    bench_power_up();
+}
+
+void tearDown(void)
+{
+}
+
+static const struct proto_segment short_drive = {PROTO_SEGMENT_KIND_EFFORT, 100, 0.3f, 0.3f};
+
+static void ask_words(uint8_t id, const uint16_t *words, size_t count)
+{
+    uint8_t payload[16];
+    for (size_t i = 0; i < count; i++) {
+        payload[2 * i] = (uint8_t)(words[i] & 0xFFu);
+        payload[2 * i + 1] = (uint8_t)(words[i] >> 8);
+    }
+    bench_ask(id, payload, 2 * count);
+}
+
+static void ask_log_read(uint32_t offset, uint16_t length)
+{
+    const struct proto_log_read_request request = {.offset = offset, .length = length};
+    uint8_t payload[PROTO_LOG_READ_REQUEST_SIZE];
+    bench_ask(PROTO_ID_LOG_READ, payload, proto_log_read_request_encode(&request, payload, sizeof payload));
+}
+
+static void ask_log_digest(uint32_t offset, uint32_t length)
+{
+    const struct proto_log_digest_request request = {.offset = offset, .length = length};
+    uint8_t payload[PROTO_LOG_DIGEST_REQUEST_SIZE];
+    bench_ask(PROTO_ID_LOG_DIGEST, payload,
+              proto_log_digest_request_encode(&request, payload, sizeof payload));
+}
+
+static void send_one_segment(uint8_t kind, uint32_t duration_ms, float a, float b)
+{
+    const struct proto_segment segment = {.kind = kind, .duration_ms = duration_ms, .a = a, .b = b};
+    bench_send_segments(0, &segment, 1);
+}
+
+static void hello_tells_who_is_there_and_what_it_holds(void)
+{
+    struct proto_hello_reply hello;
+    const uint8_t payload[PROTO_HELLO_REQUEST_SIZE] = {1, 0, 0,
+                                                       0, 0, 0}; /* another schema: answered all the same */
+    memset(bench.board.identity.board_id, 0x5A, 12);
+    bench.board.identity.boot_id = 99;
+    controller_init(&bench.controller);
+    bench_ask(PROTO_ID_HELLO, payload, sizeof payload);
+    TEST_ASSERT_EQUAL_HEX8(PROTO_ID_HELLO | PROTO_REPLY_BIT, bench.reply.id);
+    TEST_ASSERT_TRUE(proto_hello_reply_decode(&hello, bench.reply.payload, bench.reply.payload_length));
+    TEST_ASSERT_EQUAL_UINT16(PROTO_VERSION, hello.protocol_version);
+    TEST_ASSERT_EQUAL_HEX32(PROTO_SCHEMA_HASH, hello.schema_hash);
+    TEST_ASSERT_EACH_EQUAL_HEX8(0x5A, hello.board_id, 12);
+    TEST_ASSERT_EQUAL_UINT32(99, hello.boot_id);
+    TEST_ASSERT_EQUAL_STRING("host", hello.board_name);
+    TEST_ASSERT_EQUAL_UINT16(1000, hello.tick_hz);
+    TEST_ASSERT_EQUAL_UINT16(PROTO_PARAMETER_COUNT, hello.parameter_count);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_RESET_CAUSE_POWER_ON, hello.reset_cause);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_CLOCK_SOURCE_CRYSTAL_PLL, hello.clock_source);
+}
+
+static void hello_of_a_later_version_may_be_longer(void)
+{
+    const uint8_t payload[20] = {9, 0};
+    bench_ask(PROTO_ID_HELLO, payload, sizeof payload);
+    TEST_ASSERT_EQUAL_HEX8(PROTO_ID_HELLO | PROTO_REPLY_BIT, bench.reply.id);
+    bench_ask(PROTO_ID_HELLO, payload, 5);
+    bench_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, 5);
+}
+
+static uint8_t reset_cause_for(uint8_t flags)
+{
+    struct proto_hello_reply hello;
+    const uint8_t payload[PROTO_HELLO_REQUEST_SIZE] = {0};
+    bench.board.identity.reset_cause = flags;
+    controller_init(&bench.controller);
+    bench_ask(PROTO_ID_HELLO, payload, sizeof payload);
+    TEST_ASSERT_TRUE(proto_hello_reply_decode(&hello, bench.reply.payload, bench.reply.payload_length));
+    return hello.reset_cause;
+}
+
+static void reset_cause_is_read_from_the_flags_of_the_reference_manual(void)
+{
+    TEST_ASSERT_EQUAL_UINT8(PROTO_RESET_CAUSE_UNKNOWN, reset_cause_for(0x00));
+    TEST_ASSERT_EQUAL_UINT8(PROTO_RESET_CAUSE_POWER_ON, reset_cause_for(0x0E));
+    TEST_ASSERT_EQUAL_UINT8(PROTO_RESET_CAUSE_PIN, reset_cause_for(0x04));
+    TEST_ASSERT_EQUAL_UINT8(PROTO_RESET_CAUSE_SOFTWARE, reset_cause_for(0x14));
+    TEST_ASSERT_EQUAL_UINT8(PROTO_RESET_CAUSE_WATCHDOG, reset_cause_for(0x24));
+    TEST_ASSERT_EQUAL_UINT8(PROTO_RESET_CAUSE_BROWN_OUT, reset_cause_for(0x06));
+    TEST_ASSERT_EQUAL_UINT8(PROTO_RESET_CAUSE_LOW_POWER, reset_cause_for(0x84));
+}
+
+static void parameters_are_listed_read_and_changed(void)
+{
+    for (uint16_t i = 0; i < PROTO_PARAMETER_COUNT; i++) {
+        struct proto_param_list_reply listed;
+        ask_words(PROTO_ID_PARAM_LIST, &i, 1);
+        TEST_ASSERT_TRUE(
+            proto_param_list_reply_decode(&listed, bench.reply.payload, bench.reply.payload_length));
+        TEST_ASSERT_EQUAL_STRING(proto_parameters[i].name, listed.name);
+        TEST_ASSERT_EQUAL_STRING(proto_parameters[i].unit, listed.unit);
+        TEST_ASSERT_EQUAL_FLOAT(proto_parameters[i].default_value, listed.value);
+        /* Both ends of the range are inside it. */
+        bench_set_parameter(i, listed.minimum);
+        bench_expect_accepted();
+        bench_set_parameter(i, listed.maximum);
+        bench_expect_accepted();
+        struct proto_param_get_reply read;
+        ask_words(PROTO_ID_PARAM_GET, &i, 1);
+        TEST_ASSERT_TRUE(
+            proto_param_get_reply_decode(&read, bench.reply.payload, bench.reply.payload_length));
+        TEST_ASSERT_EQUAL_UINT16(i, read.index);
+        TEST_ASSERT_EQUAL_FLOAT(listed.maximum, read.value);
+    }
+}
+
+static void bad_parameter_values_are_refused_and_the_old_ones_stay(void)
+{
+    const float bad[] = {0.0f, 10.0f, -1.0f};
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
+        bench_set_parameter(PROTO_PARAMETER_WHEEL_RADIUS_M, bad[i]);
+        bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+    }
+    bench_set_parameter(PROTO_PARAMETER_WHEEL_RADIUS_M, NAN);
+    bench_expect_refused(PROTO_REFUSAL_REASON_NOT_FINITE, 1);
+    bench_set_parameter(PROTO_PARAMETER_WHEEL_RADIUS_M, INFINITY);
+    bench_expect_refused(PROTO_REFUSAL_REASON_NOT_FINITE, 1);
+    bench_set_parameter(PROTO_PARAMETER_LOG_RATE_HZ, 20.5f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+    bench_set_parameter(PROTO_PARAMETER_MOTOR_LEFT_REVERSED, 0.5f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+    TEST_ASSERT_EQUAL_FLOAT(0.0635f,
+                            bench.controller.robot.parameters.values[PROTO_PARAMETER_WHEEL_RADIUS_M]);
+}
+
+static void parameters_do_not_change_while_the_robot_moves(void)
+{
+    bench_set_effort(0.1f, 0.1f);
+    bench_set_parameter(PROTO_PARAMETER_EFFORT_LIMIT, 0.5f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_LIVE);
+    bench_stop();
+    bench_run(2000);
+    bench_start(bench_upload(&short_drive, 1, 0));
+    bench_set_parameter(PROTO_PARAMETER_EFFORT_LIMIT, 0.5f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_SEQUENCE);
+}
+
+static void unknown_requests_are_refused_by_their_id(void)
+{
+    uint32_t known = 0;
+    for (unsigned id = 0; id < 0x80; id++) {
+        bench_ask((uint8_t)id, NULL, 0);
+        if (bench.reply.id == PROTO_ID_REFUSAL &&
+            bench_refusal().reason == PROTO_REFUSAL_REASON_UNKNOWN_REQUEST) {
+            TEST_ASSERT_EQUAL_UINT8(id, bench_refusal().request_id);
+            TEST_ASSERT_EQUAL_UINT32(id, bench_refusal().detail);
+        } else {
+            known++;
+        }
+    }
+    TEST_ASSERT_EQUAL_UINT32(19, known);
+}
+
+static void every_request_of_a_wrong_length_is_refused(void)
+{
+    static const struct {
+        uint8_t id;
+        size_t length;
+    } right[] = {
+        {PROTO_ID_STATUS, 0},       {PROTO_ID_CLEAR_FAULTS, 0}, {PROTO_ID_PARAM_LIST, 2},
+        {PROTO_ID_PARAM_GET, 2},    {PROTO_ID_PARAM_SET, 6},    {PROTO_ID_SEQ_BEGIN, 4},
+        {PROTO_ID_SEQ_COMMIT, 4},   {PROTO_ID_SEQ_START, 4},    {PROTO_ID_SEQ_ABORT, 0},
+        {PROTO_ID_SEQ_STATE, 0},    {PROTO_ID_LOG_LIST, 1},     {PROTO_ID_LOG_READ, 6},
+        {PROTO_ID_LOG_DIGEST, 8},   {PROTO_ID_LOG_ERASE, 0},    {PROTO_ID_SET_EFFORT, 8},
+        {PROTO_ID_SET_VELOCITY, 8},
+    };
+    static const uint8_t zeros[PROTO_MAX_PAYLOAD];
+    for (size_t i = 0; i < sizeof right / sizeof right[0]; i++) {
+        bench_ask(right[i].id, zeros, right[i].length + 1);
+        bench_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, (uint32_t)right[i].length + 1);
+        bench_ask(right[i].id, zeros, PROTO_MAX_PAYLOAD);
+        bench_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, PROTO_MAX_PAYLOAD);
+        if (right[i].length > 0) {
+            bench_ask(right[i].id, zeros, right[i].length - 1);
+            bench_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, (uint32_t)right[i].length - 1);
+        }
+    }
+    bench_begin_upload(3, 0);
+    const size_t bad_segments[] = {0, 1, 2, 3, 14, 16, 100};
+    for (size_t i = 0; i < sizeof bad_segments / sizeof bad_segments[0]; i++) {
+        bench_ask(PROTO_ID_SEQ_SEGMENTS, zeros, bad_segments[i]);
+        bench_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, (uint32_t)bad_segments[i]);
+    }
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, bench_status().state);
+}
+
+/* Whatever is refused, the bridges get what they got before. */
+static void check_bad_live_commands(int16_t left_e4, int16_t right_e4)
+{
+    static const struct {
+        float left;
+        float right;
+        uint8_t reason;
+        uint32_t detail;
+    } bad[] = {
+        {NAN, 0.1f, PROTO_REFUSAL_REASON_NOT_FINITE, 0},
+        {0.1f, NAN, PROTO_REFUSAL_REASON_NOT_FINITE, 1},
+        {INFINITY, 0.1f, PROTO_REFUSAL_REASON_NOT_FINITE, 0},
+        {0.1f, -INFINITY, PROTO_REFUSAL_REASON_NOT_FINITE, 1},
+        {1.0001f, 0.0f, PROTO_REFUSAL_REASON_OUT_OF_RANGE, 0},
+        {0.0f, -1.0001f, PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1},
+        {1e30f, 0.0f, PROTO_REFUSAL_REASON_OUT_OF_RANGE, 0},
+    };
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
+        bench_set_effort(bad[i].left, bad[i].right);
+        bench_expect_refused((enum proto_refusal_reason)bad[i].reason, bad[i].detail);
+        bench_set_velocity(bad[i].left * 2.0f, bad[i].right * 2.0f);
+        bench_expect_refused((enum proto_refusal_reason)bad[i].reason, bad[i].detail);
+        bench_run(1);
+        TEST_ASSERT_EQUAL_INT16(left_e4, bench.board.effort_e4[0]);
+        TEST_ASSERT_EQUAL_INT16(right_e4, bench.board.effort_e4[1]);
+    }
+}
+
+static void bad_live_commands_leave_the_wheels_as_they_were(void)
+{
+    check_bad_live_commands(0, 0);
+    bench_set_effort(0.25f, -0.4f);
+    bench_run(1);
+    check_bad_live_commands(2500, -4000);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_LIVE, bench_status().state);
+}
+
+static void limits_of_live_commands_are_the_parameters(void)
+{
+    bench_set_parameter(PROTO_PARAMETER_EFFORT_LIMIT, 0.5f);
+    bench_set_parameter(PROTO_PARAMETER_SPEED_LIMIT_MPS, 0.8f);
+    bench_set_effort(0.51f, 0.0f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 0);
+    bench_set_velocity(0.0f, -0.81f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+    bench_set_effort(0.5f, -0.5f);
+    bench_expect_accepted();
+    bench_set_velocity(0.8f, 0.8f);
+    bench_expect_accepted();
+    bench_run(300);
+    TEST_ASSERT_TRUE(bench.board.effort_e4[0] <= 5000);
+}
+
+static void live_commands_are_refused_while_a_sequence_runs(void)
+{
+    bench_start(bench_upload(&short_drive, 1, 0));
+    bench_run(10);
+    bench_set_effort(0.9f, 0.9f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_SEQUENCE);
+    bench_set_velocity(0.9f, 0.9f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_SEQUENCE);
+    bench_run(1);
+    TEST_ASSERT_EQUAL_INT16(3000, bench.board.effort_e4[0]);
+}
+
+static void sequence_is_refused_while_the_host_drives(void)
+{
+    const uint32_t crc = bench_upload(&short_drive, 1, 0);
+    bench_set_effort(0.0f, 0.0f);
+    bench_ask_u32(PROTO_ID_SEQ_START, crc);
+    bench_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_LIVE);
+}
+
+static void upload_is_refused_while_a_sequence_runs(void)
+{
+    const uint32_t crc = bench_upload(&short_drive, 1, 0);
+    bench_start(crc);
+    bench_run(5);
+    bench_begin_upload(1, 0);
+    bench_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_SEQUENCE);
+    send_one_segment(PROTO_SEGMENT_KIND_EFFORT, 100, 0.1f, 0.1f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_SEQUENCE);
+    bench_ask_u32(PROTO_ID_SEQ_COMMIT, crc);
+    bench_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_SEQUENCE);
+    bench_ask_u32(PROTO_ID_SEQ_START, crc);
+    bench_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_SEQUENCE);
+    bench_run(1);
+    TEST_ASSERT_EQUAL_INT16(3000, bench.board.effort_e4[0]);
+}
+
+static void start_is_refused_while_a_fault_is_latched(void)
+{
+    const uint32_t crc = bench_upload(&short_drive, 1, 0);
+    bench_set_effort(0.0f, 0.0f);
+    bench_run(600);
+    bench_ask_u32(PROTO_ID_SEQ_START, crc);
+    bench_expect_refused(PROTO_REFUSAL_REASON_FAULT_LATCHED, PROTO_FAULT_HOST_SILENT);
+}
+
+static void bad_uploads_are_refused_by_name(void)
+{
+    bench_begin_upload(0, 0);
+    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 0);
+    bench_begin_upload(PROTO_MAX_SEGMENTS + 1, 0);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_TOO_LONG, PROTO_MAX_SEGMENTS);
+    bench_begin_upload(1, 201);
+    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+    send_one_segment(PROTO_SEGMENT_KIND_EFFORT, 100, 0.1f, 0.1f); /* none of these began an upload */
+    bench_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_EMPTY, PROTO_SEQUENCE_STATE_EMPTY);
+    bench_ask_u32(PROTO_ID_SEQ_COMMIT, 0);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_EMPTY, PROTO_SEQUENCE_STATE_EMPTY);
+    bench_ask_u32(PROTO_ID_SEQ_START, 0);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_EMPTY, PROTO_SEQUENCE_STATE_EMPTY);
+
+    bench_begin_upload(3, 0);
+    bench_expect_accepted();
+    send_one_segment(3, 100, 0.1f, 0.1f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_UNKNOWN_SEGMENT_KIND, 0);
+    send_one_segment(PROTO_SEGMENT_KIND_EFFORT, 0, 0.1f, 0.1f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 0);
+    send_one_segment(PROTO_SEGMENT_KIND_EFFORT, 600001, 0.1f, 0.1f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 0);
+    send_one_segment(PROTO_SEGMENT_KIND_EFFORT, 100, 1.1f, 0.1f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 0);
+    send_one_segment(PROTO_SEGMENT_KIND_VELOCITY, 100, 0.1f, -1.6f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 0);
+    send_one_segment(PROTO_SEGMENT_KIND_TWIST, 100, 1.4f,
+                     1.0f); /* the right wheel would have to do 1.54 m/s */
+    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 0);
+    send_one_segment(PROTO_SEGMENT_KIND_VELOCITY, 100, NAN, 0.0f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_NOT_FINITE, 0);
+    send_one_segment(PROTO_SEGMENT_KIND_TWIST, 100, 0.0f, INFINITY);
+    bench_expect_refused(PROTO_REFUSAL_REASON_NOT_FINITE, 0);
+
+    bench_send_segments(1, &short_drive, 1);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_GAP, 0);
+    bench_send_segments(0, &short_drive, 1);
+    bench_expect_accepted();
+    bench_send_segments(0, &short_drive, 1);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_GAP, 1);
+    bench_ask_u32(PROTO_ID_SEQ_COMMIT, 0);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_INCOMPLETE, 1);
+    bench_ask_u32(PROTO_ID_SEQ_START, 0);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_EMPTY, PROTO_SEQUENCE_STATE_RECEIVING);
+
+    const struct proto_segment rest[3] = {short_drive, short_drive, short_drive};
+    bench_send_segments(1, rest, 3);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_TOO_LONG, 3);
+    bench_send_segments(1, rest, 2);
+    bench_expect_accepted();
+    uint8_t packed[3 * PROTO_SEGMENT_SIZE];
+    const uint32_t crc = crc32_update(0, packed, bench_pack(rest, 3, packed));
+    bench_ask_u32(PROTO_ID_SEQ_COMMIT, crc ^ 1u);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_BAD_CRC, crc);
+    bench_ask_u32(PROTO_ID_SEQ_COMMIT, crc);
+    bench_expect_accepted();
+    bench_ask_u32(PROTO_ID_SEQ_START, crc ^ 1u);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_BAD_CRC, crc);
+}
+
+static void frame_with_one_bad_segment_is_refused_as_a_whole(void)
+{
+    struct proto_segment segments[3] = {short_drive, short_drive, short_drive};
+    segments[1].a = NAN;
+    bench_begin_upload(3, 0);
+    bench_send_segments(0, segments, 3);
+    bench_expect_refused(PROTO_REFUSAL_REASON_NOT_FINITE, 1);
+    segments[1].a = 0.2f;
+    bench_send_segments(0, segments, 3);
+    bench_expect_accepted();
+}
+
+static void sequence_beyond_a_limit_lowered_since_is_refused_at_the_start(void)
+{
+    const struct proto_segment segments[2] = {{PROTO_SEGMENT_KIND_EFFORT, 10, 0.2f, 0.2f},
+                                              {PROTO_SEGMENT_KIND_EFFORT, 10, 0.6f, 0.6f}};
+    const uint32_t crc = bench_upload(segments, 2, 0);
+    bench_set_parameter(PROTO_PARAMETER_EFFORT_LIMIT, 0.5f);
+    bench_ask_u32(PROTO_ID_SEQ_START, crc);
+    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+}
+
+static void new_upload_forgets_the_sequence_before_it(void)
+{
+    const uint32_t crc = bench_upload(&short_drive, 1, 0);
+    bench_begin_upload(2, 0);
+    bench_ask_u32(PROTO_ID_SEQ_START, crc);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_EMPTY, PROTO_SEQUENCE_STATE_RECEIVING);
+    bench_ask(PROTO_ID_SEQ_ABORT, NULL, 0);
+    bench_expect_accepted();
+    bench_ask_u32(PROTO_ID_SEQ_COMMIT, crc);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_EMPTY, PROTO_SEQUENCE_STATE_EMPTY);
+}
+
+static void unknown_parameters_are_refused_by_their_index(void)
+{
+    const uint16_t index = PROTO_PARAMETER_COUNT;
+    ask_words(PROTO_ID_PARAM_LIST, &index, 1);
+    bench_expect_refused(PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER, index);
+    ask_words(PROTO_ID_PARAM_GET, &index, 1);
+    bench_expect_refused(PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER, index);
+    bench_set_parameter(0xFFFF, 1.0f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER, 0xFFFF);
+}
+
+/* Fills the ring until its first blocks are gone. */
+static void wrap_ring(void)
+{
+    const struct proto_segment minutes = {PROTO_SEGMENT_KIND_EFFORT, 600000, 0.0f, 0.0f};
+    bench_start(bench_upload(&minutes, 1, 200));
+    while (log_oldest_offset(&bench.controller.robot.log) == 0) {
+        bench.board.sample.battery_mv = (uint16_t)(11000 + random_below(2000));
+        bench_run(1);
+    }
+}
+
+static void reading_outside_the_log_is_refused_by_name(void)
+{
+    ask_log_read(0, 512);
+    bench_expect_refused(PROTO_REFUSAL_REASON_LOG_BEYOND_END, 0);
+    wrap_ring();
+    const uint32_t oldest = bench_list_logs(0).oldest_offset;
+    const uint32_t end = bench_list_logs(0).end_offset;
+    TEST_ASSERT_TRUE(oldest > 0 && end > oldest);
+    ask_log_read(oldest - 1, 100);
+    bench_expect_refused(PROTO_REFUSAL_REASON_LOG_GONE, oldest);
+    ask_log_read(end, 1);
+    bench_expect_refused(PROTO_REFUSAL_REASON_LOG_BEYOND_END, end);
+    ask_log_read(0x7FFFFFFF, 1);
+    bench_expect_refused(PROTO_REFUSAL_REASON_LOG_BEYOND_END, end);
+    ask_log_read(oldest, 0);
+    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+    ask_log_read(oldest, 1021);
+    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+    ask_log_read(oldest, 1020);
+    bench_expect_accepted();
+    TEST_ASSERT_EQUAL(1024, bench.reply.payload_length);
+    ask_log_read(end - 3, 1020); /* what there is */
+    bench_expect_accepted();
+    TEST_ASSERT_EQUAL(4 + 3, bench.reply.payload_length);
+    ask_log_digest(oldest - 1, 10);
+    bench_expect_refused(PROTO_REFUSAL_REASON_LOG_GONE, oldest);
+    ask_log_digest(oldest, end - oldest + 1);
+    bench_expect_refused(PROTO_REFUSAL_REASON_LOG_BEYOND_END, end);
+    ask_log_digest(oldest, 0);
+    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+    bench_ask(PROTO_ID_LOG_ERASE, NULL, 0);
+    bench_expect_refused(PROTO_REFUSAL_REASON_LOG_BUSY, 0);
+}
+
+static void digest_is_the_crc_of_the_bytes_that_are_read(void)
+{
+    static uint8_t bytes[PROTO_LOG_BLOCK_COUNT * PROTO_LOG_BLOCK_SIZE];
+    struct proto_log_digest_reply digest;
+    wrap_ring();
+    bench_stop();
+    bench_run(1);
+    const struct proto_log_list_reply list = bench_list_logs(0);
+    const uint32_t oldest = list.oldest_offset;
+    const uint32_t size = list.end_offset - oldest;
+    bench_read_log(oldest, bytes, size);
+    ask_log_digest(oldest, size);
+    TEST_ASSERT_TRUE(proto_log_digest_reply_decode(&digest, bench.reply.payload, bench.reply.payload_length));
+    TEST_ASSERT_EQUAL_HEX32(crc32_update(0, bytes, size), digest.crc32);
+    /* The bytes on the link are those in memory. */
+    for (uint32_t i = 0; i < size; i += PROTO_LOG_BLOCK_SIZE) {
+        const uint32_t block = (oldest + i) / PROTO_LOG_BLOCK_SIZE % PROTO_LOG_BLOCK_COUNT;
+        TEST_ASSERT_EQUAL_INT(
+            0, memcmp(bytes + i, bench.controller.robot.log.ring[block], PROTO_LOG_BLOCK_SIZE));
+    }
+}
+
+static void log_list_comes_in_parts(void)
+{
+    const uint32_t crc = bench_upload(&short_drive, 1, 0);
+    bench_set_parameter(PROTO_PARAMETER_EFFORT_LIMIT, 0.5f);
+    bench.motors_turn = false;
+    for (int i = 0; i < 50; i++) {
+        bench_start(crc);
+        bench_run(102);
+    }
+    uint16_t expected_id = 1;
+    for (uint8_t first = 0; first < 50;) {
+        const struct proto_log_list_reply list = bench_list_logs(first);
+        TEST_ASSERT_EQUAL_UINT8(50, list.total);
+        TEST_ASSERT_TRUE(list.entries_count > 0);
+        for (size_t i = 0; i < list.entries_count; i++) {
+            struct proto_log_entry entry;
+            TEST_ASSERT_TRUE(proto_log_entry_decode(&entry, list.entries + i * PROTO_LOG_ENTRY_SIZE,
+                                                    PROTO_LOG_ENTRY_SIZE));
+            TEST_ASSERT_EQUAL_UINT16(expected_id, entry.log_id);
+            TEST_ASSERT_EQUAL_HEX32(crc, entry.sequence_crc);
+            expected_id++;
+        }
+        first = (uint8_t)(first + list.entries_count);
+    }
+    TEST_ASSERT_EQUAL(0, bench_list_logs(50).entries_count);
+    TEST_ASSERT_EQUAL(0, bench_list_logs(255).entries_count);
+    bench_ask(PROTO_ID_LOG_ERASE, NULL, 0);
+    bench_expect_accepted();
+    TEST_ASSERT_EQUAL_UINT8(0, bench_list_logs(0).total);
+}
+
+static void live_drive_has_a_log_of_its_own(void)
+{
+    bench_set_effort(0.2f, 0.2f);
+    for (int i = 0; i < 10; i++) {
+        bench_run(100);
+        bench_set_effort(0.2f, 0.2f);
+    }
+    bench_stop();
+    bench_run(1);
+    const struct proto_log_entry entry = bench_newest_log();
+    TEST_ASSERT_EQUAL_UINT8(PROTO_LOG_END_STOPPED, entry.end);
+    TEST_ASSERT_EQUAL_HEX32(0, entry.sequence_crc);
+    TEST_ASSERT_EQUAL_UINT32(21, entry.record_count);
+}
+
+/* Sends the same frame again and returns the reply's payload length. */
+static void repeat(uint8_t id, const void *payload, size_t length)
+{
+    bench_say(id, bench.sequence, payload, length);
+    controller_poll(&bench.controller);
+    TEST_ASSERT_TRUE(bench_hear());
+    TEST_ASSERT_EQUAL_UINT16(bench.sequence, bench.reply.sequence);
+}
+
+static void repeated_start_is_not_carried_out_twice(void)
+{
+    const uint32_t crc = bench_upload(&short_drive, 1, 0);
+    const uint16_t id = bench_start(crc);
+    const uint8_t payload[4] = {(uint8_t)crc, (uint8_t)(crc >> 8), (uint8_t)(crc >> 16),
+                                (uint8_t)(crc >> 24)};
+    bench_run(5);
+    repeat(PROTO_ID_SEQ_START, payload, 4); /* while it runs */
+    TEST_ASSERT_EQUAL_HEX8(PROTO_ID_SEQ_START | PROTO_REPLY_BIT, bench.reply.id);
+    TEST_ASSERT_EQUAL_UINT16(id, bench.reply.payload[0] | bench.reply.payload[1] << 8);
+    bench_run(200);
+    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
+    repeat(PROTO_ID_SEQ_START, payload, 4); /* long after: the reply again, and no motion */
+    bench_run(5);
+    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
+    TEST_ASSERT_EQUAL_UINT8(1, bench_list_logs(0).total);
+}
+
+static void repeated_segments_are_stored_once(void)
+{
+    uint8_t payload[2 + PROTO_SEGMENT_SIZE] = {0, 0};
+    (void)bench_pack(&short_drive, 1, payload + 2);
+    bench_begin_upload(2, 0);
+    bench_send_segments(0, &short_drive, 1);
+    bench_expect_accepted();
+    repeat(PROTO_ID_SEQ_SEGMENTS, payload, sizeof payload);
+    bench_expect_accepted(); /* not a gap: it is the same frame */
+    bench_send_segments(1, &short_drive, 1);
+    bench_expect_accepted();
+}
+
+static void repeated_refusal_is_the_same_refusal(void)
+{
+    bench.board.sample.battery_valid = false;
+    bench_run(1);
+    const struct proto_set_effort_request request = {.left = 0.1f, .right = 0.1f};
+    uint8_t payload[PROTO_SET_EFFORT_REQUEST_SIZE];
+    (void)proto_set_effort_request_encode(&request, payload, sizeof payload);
+    bench_ask(PROTO_ID_SET_EFFORT, payload, sizeof payload);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
+    bench.board.sample.battery_valid = true;
+    bench_run(1);
+    repeat(PROTO_ID_SET_EFFORT, payload, sizeof payload);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
+    bench_run(2);
+    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
+}
+
+static void repeated_live_command_does_not_keep_the_drive_alive(void)
+{
+    const struct proto_set_effort_request request = {.left = 0.1f, .right = 0.1f};
+    uint8_t payload[PROTO_SET_EFFORT_REQUEST_SIZE];
+    (void)proto_set_effort_request_encode(&request, payload, sizeof payload);
+    bench_ask(PROTO_ID_SET_EFFORT, payload, sizeof payload);
+    for (int i = 0; i < 10; i++) {
+        bench_run(50);
+        repeat(PROTO_ID_SET_EFFORT, payload, sizeof payload);
+    }
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, bench_status().state);
+}
+
+static void repeated_stop_stops_again(void)
+{
+    bench_stop();
+    const uint16_t sequence = bench.sequence;
+    bench_set_effort(0.2f, 0.2f);
+    bench_run(1);
+    bench.sequence = sequence;
+    repeat(PROTO_ID_STOP, NULL, 0);
+    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, bench_status().state);
+}
+
+static void same_request_with_a_new_number_is_a_new_request(void)
+{
+    const uint32_t crc = bench_upload(&short_drive, 1, 0);
+    TEST_ASSERT_EQUAL_UINT16(1, bench_start(crc));
+    bench_run(3000);
+    TEST_ASSERT_EQUAL_UINT16(2, bench_start(crc));
+}
+
+static void host_that_starts_anew_is_not_answered_from_the_past(void)
+{
+    const uint8_t hello[PROTO_HELLO_REQUEST_SIZE] = {1};
+    const uint32_t crc = bench_upload(&short_drive, 1, 0);
+    const uint16_t before = bench.sequence;
+    TEST_ASSERT_EQUAL_UINT16(1, bench_start(crc));
+    bench_run(3000);
+    bench_ask(PROTO_ID_HELLO, hello, sizeof hello);
+    bench.sequence = before; /* the new host counts as the old one did: its start is the same frame */
+    TEST_ASSERT_EQUAL_UINT16(2, bench_start(crc));
+    bench_run(1);
+    TEST_ASSERT_EQUAL_INT16(3000, bench.board.effort_e4[0]);
+}
+
+static void replies_of_another_board_are_no_requests(void)
+{
+    for (unsigned id = 0x80; id <= 0xFF; id++) {
+        bench_say((uint8_t)id, 1, NULL, 0);
+        controller_poll(&bench.controller);
+        TEST_ASSERT_FALSE(bench_hear());
+    }
+}
+
+static void replies_come_in_the_order_of_the_requests(void)
+{
+    wrap_ring();
+    bench_stop();
+    bench_run(1);
+    const uint32_t oldest = bench_list_logs(0).oldest_offset;
+    bench.board.line_room = 0; /* the line is slow, the host eager */
+    for (uint16_t i = 0; i < 20; i++) {
+        const struct proto_log_read_request request = {.offset = oldest + 1000u * i, .length = 1000};
+        uint8_t payload[PROTO_LOG_READ_REQUEST_SIZE];
+        (void)proto_log_read_request_encode(&request, payload, sizeof payload);
+        bench_say(PROTO_ID_LOG_READ, i, payload, sizeof payload);
+    }
+    uint16_t next = 0;
+    for (int i = 0; i < 20000 && next < 20; i++) {
+        bench.board.line_room = 92; /* bytes in a millisecond at 921600 baud */
+        controller_poll(&bench.controller);
+        if (bench_hear()) {
+            TEST_ASSERT_EQUAL_UINT16(next, bench.reply.sequence);
+            TEST_ASSERT_EQUAL(1004, bench.reply.payload_length);
+            next++;
+        }
+    }
+    TEST_ASSERT_EQUAL_UINT16(20, next);
+    bench.board.line_room = SIZE_MAX;
+}
+
+static void stop_takes_effect_before_the_replies_ahead_of_it_are_sent(void)
+{
+    bench_set_effort(0.3f, 0.3f);
+    bench_run(200);
+    bench.board.line_room = 0;
+    for (uint16_t i = 0; i < 3; i++) {
+        const uint8_t first = 0;
+        bench_say(PROTO_ID_LOG_LIST, i, &first, 1);
+    }
+    bench_say(PROTO_ID_STOP, 1000, NULL, 0);
+    controller_poll(&bench.controller);
+    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
+    bench.board.line_room = SIZE_MAX;
+    controller_poll(&bench.controller);
+    TEST_ASSERT_TRUE(bench_hear());
+    TEST_ASSERT_EQUAL_UINT16(1000, bench.reply.sequence);
+}
+
+static void status_tells_what_the_robot_does(void)
+{
+    bench_set_velocity(0.3f, 0.4f);
+    bench_run(400);
+    bench_set_velocity(0.3f, 0.4f);
+    bench_run(400);
+    const struct proto_status_reply status = bench_status();
+    TEST_ASSERT_EQUAL_UINT32(800, status.uptime_ms);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_MODE_VELOCITY, status.mode);
+    TEST_ASSERT_EQUAL_UINT8(1, status.log_open);
+    TEST_ASSERT_EQUAL_UINT16(12000, status.battery_mv);
+    TEST_ASSERT_INT_WITHIN(15, 300, status.speed_mmps[0]);
+    TEST_ASSERT_INT_WITHIN(15, 400, status.speed_mmps[1]);
+    TEST_ASSERT_EQUAL_INT32(bench.board.sample.counts[1], status.counts[1]);
+    TEST_ASSERT_TRUE(status.x_mm > 200);
+    TEST_ASSERT_TRUE(status.theta_e4 > 0);
+}
+
+static void damaged_frames_are_counted_and_answered_by_nothing(void)
+{
+    uint8_t bytes[64];
+    const size_t size = frame_encode(PROTO_ID_STATUS, 9, NULL, 0, bytes, sizeof bytes);
+    bytes[2] ^= 0x10;
+    (void)hal_host_receive(&bench.board, bytes, size);
+    controller_poll(&bench.controller);
+    TEST_ASSERT_FALSE(bench_hear());
+    TEST_ASSERT_EQUAL_UINT32(1, bench_status().frames_dropped);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(hello_tells_who_is_there_and_what_it_holds);
+    RUN_TEST(hello_of_a_later_version_may_be_longer);
+    RUN_TEST(reset_cause_is_read_from_the_flags_of_the_reference_manual);
+    RUN_TEST(parameters_are_listed_read_and_changed);
+    RUN_TEST(bad_parameter_values_are_refused_and_the_old_ones_stay);
+    RUN_TEST(parameters_do_not_change_while_the_robot_moves);
+    RUN_TEST(unknown_requests_are_refused_by_their_id);
+    RUN_TEST(every_request_of_a_wrong_length_is_refused);
+    RUN_TEST(bad_live_commands_leave_the_wheels_as_they_were);
+    RUN_TEST(limits_of_live_commands_are_the_parameters);
+    RUN_TEST(live_commands_are_refused_while_a_sequence_runs);
+    RUN_TEST(sequence_is_refused_while_the_host_drives);
+    RUN_TEST(upload_is_refused_while_a_sequence_runs);
+    RUN_TEST(start_is_refused_while_a_fault_is_latched);
+    RUN_TEST(bad_uploads_are_refused_by_name);
+    RUN_TEST(frame_with_one_bad_segment_is_refused_as_a_whole);
+    RUN_TEST(sequence_beyond_a_limit_lowered_since_is_refused_at_the_start);
+    RUN_TEST(new_upload_forgets_the_sequence_before_it);
+    RUN_TEST(unknown_parameters_are_refused_by_their_index);
+    RUN_TEST(reading_outside_the_log_is_refused_by_name);
+    RUN_TEST(digest_is_the_crc_of_the_bytes_that_are_read);
+    RUN_TEST(log_list_comes_in_parts);
+    RUN_TEST(live_drive_has_a_log_of_its_own);
+    RUN_TEST(repeated_start_is_not_carried_out_twice);
+    RUN_TEST(repeated_segments_are_stored_once);
+    RUN_TEST(repeated_refusal_is_the_same_refusal);
+    RUN_TEST(repeated_live_command_does_not_keep_the_drive_alive);
+    RUN_TEST(repeated_stop_stops_again);
+    RUN_TEST(same_request_with_a_new_number_is_a_new_request);
+    RUN_TEST(host_that_starts_anew_is_not_answered_from_the_past);
+    RUN_TEST(replies_of_another_board_are_no_requests);
+    RUN_TEST(replies_come_in_the_order_of_the_requests);
+    RUN_TEST(stop_takes_effect_before_the_replies_ahead_of_it_are_sent);
+    RUN_TEST(status_tells_what_the_robot_does);
+    RUN_TEST(damaged_frames_are_counted_and_answered_by_nothing);
+    return UNITY_END();
+}

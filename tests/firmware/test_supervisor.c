@@ -1,0 +1,369 @@
+/* What stops the robot, what keeps it from moving, and what it takes to go on. */
+#include "bench.h"
+
+void setUp(void)
+{
+    bench_power_up();
+}
+
+void tearDown(void)
+{
+}
+
+static const struct proto_segment two_seconds = {PROTO_SEGMENT_KIND_EFFORT, 2000, 0.3f, 0.3f};
+
+static void assert_braked(void)
+{
+    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
+    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[1]);
+}
+
+/* Live at 30 %, with a host that speaks every 100 ms. */
+static void drive_live(uint32_t ms)
+{
+    for (uint32_t i = 0; i < ms; i++) {
+        if (i % 100 == 0) {
+            bench_set_effort(0.3f, 0.3f);
+            bench_expect_accepted();
+        }
+        bench_run(1);
+    }
+}
+
+static void host_silence_stops_a_live_drive_and_latches(void)
+{
+    bench_set_effort(0.3f, 0.3f);
+    bench_run(499);
+    TEST_ASSERT_EQUAL_INT16(3000, bench.board.effort_e4[0]);
+    bench_run(1);
+    assert_braked();
+    const struct proto_status_reply status = bench_status();
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, status.state);
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_HOST_SILENT, status.faults_latched);
+    bench_set_effort(0.3f, 0.3f); /* talking again is not enough */
+    bench_expect_refused(PROTO_REFUSAL_REASON_FAULT_LATCHED, PROTO_FAULT_HOST_SILENT);
+    bench_run(100);
+    assert_braked();
+}
+
+static void host_that_keeps_talking_is_obeyed(void)
+{
+    drive_live(5000);
+    TEST_ASSERT_EQUAL_INT16(3000, bench.board.effort_e4[0]);
+}
+
+static void asking_for_status_is_not_driving(void)
+{
+    bench_set_effort(0.3f, 0.3f);
+    for (int i = 0; i < 10; i++) {
+        bench_run(50);
+        (void)bench_status();
+    }
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, bench_status().state);
+}
+
+static void refused_command_does_not_keep_the_drive_alive(void)
+{
+    bench_set_effort(0.3f, 0.3f);
+    for (int i = 0; i < 10; i++) {
+        bench_run(50);
+        TEST_ASSERT_EQUAL_INT16(i < 9 ? 3000 : 0,
+                                bench.board.effort_e4[0]); /* as before, until silence counts */
+        bench_set_effort(NAN, 0.1f);
+    }
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, bench_status().state);
+}
+
+static void silence_time_is_the_parameter_s(void)
+{
+    bench_set_parameter(PROTO_PARAMETER_COMMAND_TIMEOUT_S, 2.0f);
+    bench_set_velocity(0.2f, 0.2f);
+    bench_run(1999);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_LIVE, bench_status().state);
+    bench_run(1);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, bench_status().state);
+}
+
+static void cleared_fault_lets_the_host_drive_again(void)
+{
+    bench_set_effort(0.3f, 0.3f);
+    bench_run(600);
+    bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    bench_expect_accepted();
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, bench_status().state);
+    bench_set_effort(0.3f, 0.3f);
+    bench_expect_accepted();
+    bench_run(1);
+    TEST_ASSERT_EQUAL_INT16(3000, bench.board.effort_e4[0]);
+}
+
+static void stop_leaves_a_latched_fault_latched(void)
+{
+    bench_set_effort(0.3f, 0.3f);
+    bench_run(600);
+    bench_stop();
+    bench_expect_accepted();
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, bench_status().state);
+}
+
+static void encoder_beyond_any_speed_stops_the_wheels(void)
+{
+    drive_live(300);
+    bench.motors_turn = false;
+    for (int i = 0; i < 50 && bench.board.effort_e4[0] != 0; i++) {
+        bench.board.sample.counts[1] += 60; /* 10 m/s */
+        bench_run(1);
+    }
+    assert_braked();
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE, bench_status().faults_latched);
+}
+
+static void encoder_fault_ends_a_sequence_and_its_log_says_so(void)
+{
+    bench_start(bench_upload(&two_seconds, 1, 0));
+    bench_run(500);
+    bench.motors_turn = false;
+    bench.board.sample.counts[0] -= 10000;
+    bench_run(2);
+    assert_braked();
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE, bench_status().faults_latched);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_LOG_END_FAULT, bench_newest_log().end);
+    struct proto_seq_state_reply state;
+    bench_ask(PROTO_ID_SEQ_STATE, NULL, 0);
+    TEST_ASSERT_TRUE(proto_seq_state_reply_decode(&state, bench.reply.payload, bench.reply.payload_length));
+    TEST_ASSERT_EQUAL_UINT8(PROTO_SEQUENCE_STATE_ABORTED, state.sequence_state);
+}
+
+static void start_is_refused_while_encoders_run_by_themselves(void)
+{
+    const uint32_t crc = bench_upload(&two_seconds, 1, 0);
+    bench.motors_turn = false;
+    for (int i = 0; i < 50; i++) {
+        bench.board.sample.counts[0] += 7;
+        bench.board.sample.counts[1] -= 7;
+        bench_run(1);
+    }
+    bench_ask_u32(PROTO_ID_SEQ_START, crc);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED,
+                         PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE);
+    bench_set_effort(0.1f, 0.1f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED,
+                         PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE);
+    bench_run(10);
+    assert_braked();
+}
+
+static void start_is_refused_without_a_battery_reading(void)
+{
+    const uint32_t crc = bench_upload(&two_seconds, 1, 0);
+    bench.board.sample.battery_valid = false;
+    bench_run(1);
+    bench_ask_u32(PROTO_ID_SEQ_START, crc);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
+    bench_set_velocity(0.1f, 0.1f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
+    TEST_ASSERT_EQUAL_UINT16(0, bench_status().battery_mv);
+}
+
+/* QEMU's F405: timers run free in encoder mode, and the ADC never converts. */
+static void everything_wrong_is_named_at_once(void)
+{
+    const uint32_t crc = bench_upload(&two_seconds, 1, 0);
+    bench.motors_turn = false;
+    bench.board.sample.battery_valid = false;
+    for (int i = 0; i < 20; i++) {
+        bench.board.sample.counts[0] += 21000;
+        bench.board.sample.counts[1] += 21000;
+        bench_run(1);
+    }
+    const uint32_t all = PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE |
+                         PROTO_FAULT_BATTERY_UNREAD;
+    bench_ask_u32(PROTO_ID_SEQ_START, crc);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, all);
+    TEST_ASSERT_EQUAL_HEX32(all, bench_status().faults_active);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, bench_status().state);
+    assert_braked();
+}
+
+static void start_is_refused_while_the_wheels_still_coast(void)
+{
+    const uint32_t crc = bench_upload(&two_seconds, 1, 0);
+    drive_live(1000);
+    bench_stop();
+    bench_run(100);
+    bench_ask_u32(PROTO_ID_SEQ_START, crc);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED,
+                         PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE);
+    TEST_ASSERT_EQUAL_HEX32(0, bench_status().faults_active);
+    bench_set_effort(0.2f, 0.2f); /* a person at a joystick may go on at once */
+    bench_expect_accepted();
+    bench_stop();
+    bench_run(3000);
+    bench_ask_u32(PROTO_ID_SEQ_START, crc);
+    bench_expect_accepted();
+}
+
+static void robot_pushed_by_hand_is_fit_again_when_it_stands(void)
+{
+    const uint32_t crc = bench_upload(&two_seconds, 1, 0);
+    bench.motors_turn = false;
+    for (int i = 0; i < 300; i++) {
+        bench.board.sample.counts[0] += 2;
+        bench_run(1);
+    }
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE, bench_status().faults_active);
+    TEST_ASSERT_EQUAL_HEX32(0, bench_status().faults_latched);
+    bench_run(WHEEL_SPEED_STILL_MS + 1);
+    TEST_ASSERT_EQUAL_HEX32(0, bench_status().faults_active);
+    bench_ask_u32(PROTO_ID_SEQ_START, crc);
+    bench_expect_accepted();
+}
+
+static void battery_that_stays_low_stops_the_wheels(void)
+{
+    drive_live(300);
+    bench.board.sample.battery_mv = 8900;
+    drive_live(200);
+    bench.board.sample.battery_mv = 9100; /* a sag that passes is none */
+    drive_live(200);
+    bench.board.sample.battery_mv = 8900;
+    bench_set_effort(0.3f, 0.3f);
+    bench_run(SUPERVISOR_BATTERY_LOW_MS + 1);
+    assert_braked();
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_BATTERY_LOW, bench_status().faults_latched);
+}
+
+static void low_battery_must_recover_by_the_hysteresis_before_it_is_cleared(void)
+{
+    drive_live(300);
+    bench.board.sample.battery_mv = 8900;
+    bench_set_effort(0.3f, 0.3f);
+    bench_run(400);
+    bench.board.sample.battery_mv = 9400;
+    bench_run(10);
+    bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_LOW);
+    bench.board.sample.battery_mv = 9500;
+    bench_run(1);
+    bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    bench_expect_accepted();
+}
+
+static void start_is_refused_on_a_low_battery_at_the_first_reading(void)
+{
+    bench.board.sample.battery_mv = 8999;
+    bench_run(1);
+    bench_set_effort(0.1f, 0.1f);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_LOW);
+}
+
+static void battery_that_is_unread_stops_the_wheels(void)
+{
+    drive_live(300);
+    bench.board.sample.battery_valid = false;
+    bench_run(1);
+    assert_braked();
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_BATTERY_UNREAD, bench_status().faults_latched);
+}
+
+static void overrun_of_the_control_loop_stops_a_drive(void)
+{
+    drive_live(100);
+    controller_note_overrun(&bench.controller);
+    bench_run(1);
+    assert_braked();
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_LOOP_OVERRUN, bench_status().faults_latched);
+    bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    bench_expect_accepted();
+}
+
+static void internal_oscillator_is_reported_and_does_not_keep_the_robot_from_driving(void)
+{
+    bench.board.identity.clock_fallback = true;
+    bench.board.identity.core_hz = 168000000;
+    controller_init(&bench.controller);
+    bench_run(5);
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_CLOCK_FALLBACK, bench_status().faults_active);
+    bench_start(bench_upload(&two_seconds, 1, 0));
+    bench_run(1000);
+    TEST_ASSERT_EQUAL_INT16(3000, bench.board.effort_e4[0]);
+    TEST_ASSERT_EQUAL_HEX32(0, bench_status().faults_latched);
+}
+
+static void several_faults_are_latched_together_and_cleared_together(void)
+{
+    drive_live(100);
+    bench.motors_turn = false;
+    bench.board.sample.battery_valid = false;
+    bench.board.sample.counts[0] += 100000;
+    bench_run(1);
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_BATTERY_UNREAD,
+                            bench_status().faults_latched);
+    bench_run(100);
+    bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
+    bench.board.sample.battery_valid = true;
+    bench_run(1);
+    bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    bench_expect_accepted();
+    TEST_ASSERT_EQUAL_HEX32(0, bench_status().faults_latched);
+}
+
+static void reversed_wiring_is_put_right_by_parameters(void)
+{
+    bench_set_parameter(PROTO_PARAMETER_ENCODER_LEFT_REVERSED, 1.0f);
+    bench_set_parameter(PROTO_PARAMETER_MOTOR_RIGHT_REVERSED, 1.0f);
+    bench_set_effort(0.3f, 0.3f);
+    bench_run(1);
+    TEST_ASSERT_EQUAL_INT16(3000, bench.board.effort_e4[0]);
+    TEST_ASSERT_EQUAL_INT16(-3000, bench.board.effort_e4[1]);
+    TEST_ASSERT_EQUAL_INT16(3000, bench_status().effort_e4[1]);
+    bench_run(300);
+    const struct proto_status_reply status = bench_status();
+    TEST_ASSERT_TRUE(status.counts[0] < 0);
+    TEST_ASSERT_EQUAL_INT32(-bench.board.sample.counts[0], status.counts[0]);
+}
+
+static void watchdog_is_fed_by_ticks_and_poll_together_only(void)
+{
+    bench_run(10);
+    const uint32_t fed = bench.board.watchdog_feeds;
+    TEST_ASSERT_EQUAL_UINT32(10, fed);
+    for (int i = 0; i < 100; i++) {
+        controller_poll(&bench.controller); /* the tick is dead */
+    }
+    TEST_ASSERT_EQUAL_UINT32(fed, bench.board.watchdog_feeds);
+    for (int i = 0; i < 100; i++) {
+        controller_tick(&bench.controller); /* the main loop is dead */
+    }
+    TEST_ASSERT_EQUAL_UINT32(fed, bench.board.watchdog_feeds);
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(host_silence_stops_a_live_drive_and_latches);
+    RUN_TEST(host_that_keeps_talking_is_obeyed);
+    RUN_TEST(asking_for_status_is_not_driving);
+    RUN_TEST(refused_command_does_not_keep_the_drive_alive);
+    RUN_TEST(silence_time_is_the_parameter_s);
+    RUN_TEST(cleared_fault_lets_the_host_drive_again);
+    RUN_TEST(stop_leaves_a_latched_fault_latched);
+    RUN_TEST(encoder_beyond_any_speed_stops_the_wheels);
+    RUN_TEST(encoder_fault_ends_a_sequence_and_its_log_says_so);
+    RUN_TEST(start_is_refused_while_encoders_run_by_themselves);
+    RUN_TEST(start_is_refused_without_a_battery_reading);
+    RUN_TEST(everything_wrong_is_named_at_once);
+    RUN_TEST(start_is_refused_while_the_wheels_still_coast);
+    RUN_TEST(robot_pushed_by_hand_is_fit_again_when_it_stands);
+    RUN_TEST(battery_that_stays_low_stops_the_wheels);
+    RUN_TEST(low_battery_must_recover_by_the_hysteresis_before_it_is_cleared);
+    RUN_TEST(start_is_refused_on_a_low_battery_at_the_first_reading);
+    RUN_TEST(battery_that_is_unread_stops_the_wheels);
+    RUN_TEST(overrun_of_the_control_loop_stops_a_drive);
+    RUN_TEST(internal_oscillator_is_reported_and_does_not_keep_the_robot_from_driving);
+    RUN_TEST(several_faults_are_latched_together_and_cleared_together);
+    RUN_TEST(reversed_wiring_is_put_right_by_parameters);
+    RUN_TEST(watchdog_is_fed_by_ticks_and_poll_together_only);
+    return UNITY_END();
+}

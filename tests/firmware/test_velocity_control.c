@@ -1,0 +1,227 @@
+/* The speed loop does what its formula says, does not wind up, and holds speeds on a motor. */
+#include "velocity_control.h"
+
+#include <math.h>
+
+#include "bench.h"
+#include "wheel_speed.h"
+
+static struct velocity_control control;
+static struct velocity_gains gains;
+
+void setUp(void)
+{
+    gains = (struct velocity_gains){
+        .kp = 2.0f,
+        .ki = 5.0f,
+        .ks = 0.03f,
+        .kv = 0.6f,
+        .ka = 0.1f,
+        .effort_limit = 1.0f,
+        .effort_slew_per_s = 1000.0f,
+        .accel_limit_mps2 = 1.0e5f,
+    };
+    velocity_control_reset(&control, 0.0f, 0.0f);
+    bench_power_up();
+}
+
+void tearDown(void)
+{
+}
+
+static void feedforward_alone_is_ks_sign_v_plus_kv_v_plus_ka_a(void)
+{
+    gains.kp = 0.0f;
+    gains.ki = 0.0f;
+    gains.accel_limit_mps2 = 2.0f; /* 2 mm/s a tick */
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.03f + 0.6f * 0.002f + 0.1f * 2.0f,
+                             velocity_control_step(&control, &gains, 0.5f, 0.0f, false));
+    velocity_control_reset(&control, 0.5f, 0.0f);
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.03f + 0.6f * 0.5f,
+                             velocity_control_step(&control, &gains, 0.5f, 0.0f, false));
+    velocity_control_reset(&control, -0.5f, 0.0f);
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, -0.03f - 0.6f * 0.5f,
+                             velocity_control_step(&control, &gains, -0.5f, 0.0f, false));
+}
+
+static void proportional_and_integral_terms_match_hand_calculation(void)
+{
+    gains.ks = gains.kv = gains.ka = 0.0f;
+    velocity_control_reset(&control, 0.3f, 0.0f);
+    /* error 0.1: 2 * 0.1 first, then one more tick's integral of 5 * 0.1 * 0.001 each time. */
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.2f, velocity_control_step(&control, &gains, 0.3f, 0.2f, false));
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.2005f, velocity_control_step(&control, &gains, 0.3f, 0.2f, false));
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.2010f, velocity_control_step(&control, &gains, 0.3f, 0.2f, false));
+    for (int i = 3; i < 100; i++) {
+        (void)velocity_control_step(&control, &gains, 0.3f, 0.2f, false);
+    }
+    TEST_ASSERT_FLOAT_WITHIN(1e-5f, 0.05f, control.integral);
+}
+
+static void integral_does_not_wind_up_against_the_output_limit(void)
+{
+    gains.effort_limit = 0.5f;
+    gains.ks = gains.ka = 0.0f;
+    velocity_control_reset(&control, 1.5f, 0.5f);
+    for (int i = 0; i < 60000; i++) { /* a blocked wheel, for a minute */
+        TEST_ASSERT_EQUAL_FLOAT(0.5f, velocity_control_step(&control, &gains, 1.5f, 0.0f, false));
+    }
+    TEST_ASSERT_EQUAL_FLOAT(0.0f, control.integral);
+    /* Set free and faster than asked for: the effort leaves the limit as soon as the speed is known. */
+    for (int i = 0; i < VELOCITY_CONTROL_DELAY_MS; i++) {
+        (void)velocity_control_step(&control, &gains, 0.1f, 0.5f, false);
+    }
+    TEST_ASSERT_TRUE(velocity_control_step(&control, &gains, 0.1f, 0.5f, false) < 0.0f);
+}
+
+static void integral_comes_back_while_the_output_is_limited(void)
+{
+    gains.effort_limit = 0.5f;
+    velocity_control_reset(&control, 0.3f, 0.5f);
+    control.integral = 2.0f;
+    for (int i = 0; i < 100; i++) {
+        (void)velocity_control_step(&control, &gains, 0.3f, 0.5f, false);
+    }
+    TEST_ASSERT_FLOAT_WITHIN(1e-3f, 2.0f - 5.0f * 0.2f * 0.1f, control.integral);
+}
+
+static void effort_changes_no_faster_than_its_slew_limit(void)
+{
+    gains.effort_slew_per_s = 20.0f;
+    float before = 0.0f;
+    for (int i = 0; i < 300; i++) {
+        const float effort = velocity_control_step(&control, &gains, i < 100 ? 1.0f : -1.0f, 0.0f, false);
+        TEST_ASSERT_TRUE(fabsf(effort - before) <= 0.02f + 1e-6f);
+        before = effort;
+    }
+    TEST_ASSERT_EQUAL_FLOAT(-1.0f, before);
+}
+
+static void tracked_speed_follows_the_acceleration_limit_and_arrives_exactly(void)
+{
+    gains.accel_limit_mps2 = 3.0f;
+    for (int i = 0; i < 99; i++) {
+        (void)velocity_control_step(&control, &gains, 0.3f, 0.0f, false);
+    }
+    TEST_ASSERT_FLOAT_WITHIN(1e-4f, 0.297f, control.tracked_mps);
+    (void)velocity_control_step(&control, &gains, 0.3f, 0.0f, false);
+    (void)velocity_control_step(&control, &gains, 0.3f, 0.0f, false);
+    TEST_ASSERT_EQUAL_FLOAT(0.3f, control.tracked_mps);
+}
+
+static void output_never_passes_the_effort_limit(void)
+{
+    gains.effort_limit = 0.4f;
+    for (int i = 0; i < 5000; i++) {
+        const float command = sinf((float)i * 0.01f) * 3.0f;
+        const float effort = velocity_control_step(&control, &gains, command, -command, false);
+        TEST_ASSERT_TRUE(effort <= 0.4f && effort >= -0.4f);
+    }
+}
+
+static void standing_wheel_told_to_stand_gets_no_effort(void)
+{
+    control.integral = 0.2f;
+    TEST_ASSERT_EQUAL_FLOAT(0.0f, velocity_control_step(&control, &gains, 0.0f, 0.0f, true));
+    TEST_ASSERT_EQUAL_FLOAT(0.0f, control.integral);
+}
+
+/* The bench's motor through the whole controller: default parameters, plain counts, 1 kHz. */
+static void check_step(float speed_mps, double motor_gain, double friction, double most_overshoot)
+{
+    double highest = 0.0;
+    double sum = 0.0;
+    int settled_at_ms = 0;
+    bench_power_up();
+    for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        bench.motor[wheel].gain_mps = motor_gain;
+        bench.motor[wheel].friction = friction;
+    }
+    for (int ms = 0; ms < 2000; ms++) {
+        if (ms % 100 == 0) {
+            bench_set_velocity(speed_mps, speed_mps);
+            bench_expect_accepted();
+        }
+        bench_run(1);
+        const double speed = bench.motor[0].speed_mps;
+        highest = fmax(highest, speed);
+        if (fabs(speed - (double)speed_mps) > 0.05 * (double)speed_mps) {
+            settled_at_ms = ms + 1;
+        }
+        if (ms >= 1200) { /* the last 40 % */
+            sum += speed;
+        }
+    }
+    const double gain = sum / 800.0 / (double)speed_mps;
+    printf("%.2f m/s, motor %.2f m/s, friction %.2f: gain %.3f, overshoot %.1f %%, within 5 %% after %d ms\n",
+           (double)speed_mps, motor_gain, friction, gain, (highest / (double)speed_mps - 1.0) * 100.0,
+           settled_at_ms);
+    TEST_ASSERT_DOUBLE_WITHIN(0.01, 1.0, gain);
+    TEST_ASSERT_TRUE(settled_at_ms <= 500);
+    TEST_ASSERT_TRUE(highest < (1.0 + most_overshoot) * (double)speed_mps);
+}
+
+static void speed_steps_settle_within_half_a_second_at_gain_one(void)
+{
+    const float speeds[] = {0.15f, 0.25f, 0.30f, 0.35f, 0.45f, 0.60f};
+    for (size_t i = 0; i < sizeof speeds / sizeof speeds[0]; i++) {
+        check_step(speeds[i], 1.50, 0.02, 0.05);
+    }
+}
+
+static void speed_steps_stay_at_gain_one_on_a_motor_that_the_feedforward_does_not_know(void)
+{
+    check_step(0.15f, 1.35, 0.03, 0.20);
+    check_step(0.60f, 1.35, 0.03, 0.20);
+    check_step(0.15f, 1.65, 0.01, 0.20);
+    check_step(0.60f, 1.65, 0.01, 0.20);
+}
+
+static void speed_is_read_from_counts_over_the_window(void)
+{
+    struct wheel_speed wheel;
+    wheel_speed_init(&wheel, INT32_MAX - 20); /* counters wrap in mid-flight */
+    int32_t counts = INT32_MAX - 20;
+    for (int i = 0; i < 50; i++) {
+        counts = (int32_t)((uint32_t)counts + 3u);
+        wheel_speed_step(&wheel, counts);
+    }
+    TEST_ASSERT_FLOAT_WITHIN(1e-4f, 0.3f, wheel_speed_mps(&wheel, 0.0001f));
+    TEST_ASSERT_FALSE(wheel_speed_is_still(&wheel));
+    for (int i = 0; i < WHEEL_SPEED_WINDOW_MS; i++) {
+        wheel_speed_step(&wheel, counts);
+    }
+    TEST_ASSERT_EQUAL_FLOAT(0.0f, wheel_speed_mps(&wheel, 0.0001f));
+}
+
+static void wheel_is_still_when_one_edge_dithers_but_not_when_it_creeps(void)
+{
+    struct wheel_speed wheel;
+    wheel_speed_init(&wheel, 0);
+    for (int i = 0; i < 1000; i++) {
+        wheel_speed_step(&wheel, i % 2);
+        TEST_ASSERT_TRUE(wheel_speed_is_still(&wheel));
+    }
+    for (int i = 0; i < 1000; i++) { /* 50 counts/s, 8 mm/s */
+        wheel_speed_step(&wheel, i / 20);
+    }
+    TEST_ASSERT_FALSE(wheel_speed_is_still(&wheel));
+}
+
+int main(void)
+{
+    UNITY_BEGIN();
+    RUN_TEST(feedforward_alone_is_ks_sign_v_plus_kv_v_plus_ka_a);
+    RUN_TEST(proportional_and_integral_terms_match_hand_calculation);
+    RUN_TEST(integral_does_not_wind_up_against_the_output_limit);
+    RUN_TEST(integral_comes_back_while_the_output_is_limited);
+    RUN_TEST(effort_changes_no_faster_than_its_slew_limit);
+    RUN_TEST(tracked_speed_follows_the_acceleration_limit_and_arrives_exactly);
+    RUN_TEST(output_never_passes_the_effort_limit);
+    RUN_TEST(standing_wheel_told_to_stand_gets_no_effort);
+    RUN_TEST(speed_steps_settle_within_half_a_second_at_gain_one);
+    RUN_TEST(speed_steps_stay_at_gain_one_on_a_motor_that_the_feedforward_does_not_know);
+    RUN_TEST(speed_is_read_from_counts_over_the_window);
+    RUN_TEST(wheel_is_still_when_one_edge_dithers_but_not_when_it_creeps);
+    return UNITY_END();
+}
