@@ -50,9 +50,11 @@ class FloorNeed:
         if max(self.ahead_m, self.behind_m, self.left_m, self.right_m) < 0.05:
             room = "turns on the spot" if self.top_wheel_speed_mps > 0 else "does not move"
         else:
-            room = f"{self.ahead_m:.1f} m ahead, {self.behind_m:.1f} m behind, {self.left_m:.1f} m left, {self.right_m:.1f} m right"
+            room = f"{self.ahead_m:.1f} m ahead, {self.behind_m:.1f} m behind, "
+            room += f"{self.left_m:.1f} m left, {self.right_m:.1f} m right"
         return (
-            f"floor: {room}, and the robot's own size around it; top speed {self.top_wheel_speed_mps:.2f} m/s at the wheel; "
+            f"floor: {room}, and the robot's own size around it; "
+            f"top speed {self.top_wheel_speed_mps:.2f} m/s at the wheel; "
             f"{self.duration_s:.1f} s (estimate from {self.source}, margins included)"
         )
 
@@ -64,7 +66,8 @@ def estimate_floor(plan: Plan, model: MotionModel | None = None) -> FloorNeed:
     heading = x = y = travelled = 0.0
     xs, ys = [0.0], [0.0]
     top_body = top_wheel = reach = 0.0
-    for target_left, target_right, duration_s in [*_wheel_targets(plan, model), (0.0, 0.0, 5 * model.time_constant_s)]:
+    stopping = (0.0, 0.0, 5 * model.time_constant_s)
+    for target_left, target_right, duration_s in [*_wheel_targets(plan, model), stopping]:
         steps = max(1, math.ceil(duration_s / _STEP_S))
         dt = duration_s / steps
         decay = math.exp(-dt / model.time_constant_s)

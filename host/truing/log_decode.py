@@ -18,9 +18,10 @@ from truing_protocol import (
 
 _WORD = 0xFFFF_FFFF
 _FIELDS = len(LOG_PREDICT_LINE)
+_NAMES = LOG_RECORD_DTYPE.names or ()
 
 
-class _BadBlock(ValueError):
+class _BadBlockError(ValueError):
     """A block that cannot be decoded, and why."""
 
 
@@ -67,12 +68,12 @@ def decode_log(data: bytes | bytearray, first_offset: int = 0, log_id: int | Non
         claimed = 0
         try:
             if len(block) < LOG_BLOCK_SIZE:
-                raise _BadBlock(f"only {len(block)} bytes of it are there")
+                raise _BadBlockError(f"only {len(block)} bytes of it are there")
             header = LogHeader.unpack(block[: LogHeader.SIZE])
-            _check_header(header, at, log_id, previous_number)
+            _check_header(header, log_id, previous_number)
             claimed = header.records
             decoded = decode_block(block, header)
-        except _BadBlock as bad:
+        except _BadBlockError as bad:
             lost.append(LostBlock(first_offset + at, str(bad), claimed))
             continue
         log_id = header.log_id if log_id is None else log_id
@@ -81,15 +82,15 @@ def decode_log(data: bytes | bytearray, first_offset: int = 0, log_id: int | Non
     return DecodedLog(log_id or 0, np.array(rows, dtype=LOG_RECORD_DTYPE), tuple(lost))
 
 
-def _check_header(header: LogHeader, at: int, log_id: int | None, previous_number: int | None) -> None:
+def _check_header(header: LogHeader, log_id: int | None, previous_number: int | None) -> None:
     if header.version != LOG_RECORD_VERSION:
-        raise _BadBlock(f"record version {header.version}, this truing reads {LOG_RECORD_VERSION}")
+        raise _BadBlockError(f"record version {header.version}, this truing reads {LOG_RECORD_VERSION}")
     if not LogHeader.SIZE <= header.used <= LOG_BLOCK_SIZE:
-        raise _BadBlock(f"claims {header.used} bytes of {LOG_BLOCK_SIZE}")
+        raise _BadBlockError(f"claims {header.used} bytes of {LOG_BLOCK_SIZE}")
     if log_id is not None and header.log_id != log_id:
-        raise _BadBlock(f"belongs to log {header.log_id}, not {log_id}")
+        raise _BadBlockError(f"belongs to log {header.log_id}, not {log_id}")
     if previous_number is not None and header.block_number <= previous_number:
-        raise _BadBlock(f"block {header.block_number} comes after block {previous_number}")
+        raise _BadBlockError(f"block {header.block_number} comes after block {previous_number}")
 
 
 def decode_block(block: bytes, header: LogHeader) -> list[tuple[int, ...]]:
@@ -101,7 +102,7 @@ def decode_block(block: bytes, header: LogHeader) -> list[tuple[int, ...]]:
     used = header.used
     for _ in range(header.records):
         if at + 2 > used:
-            raise _BadBlock(f"ends within record {len(rows) + 1} of {header.records}")
+            raise _BadBlockError(f"ends within record {len(rows) + 1} of {header.records}")
         mask = block[at] | block[at + 1] << 8
         at += 2
         row = []
@@ -111,7 +112,9 @@ def decode_block(block: bytes, header: LogHeader) -> list[tuple[int, ...]]:
                 code = shift = 0
                 while True:
                     if at >= used or shift > 28:
-                        raise _BadBlock(f"a number in record {len(rows) + 1} of {header.records} does not end")
+                        raise _BadBlockError(
+                            f"a number in record {len(rows) + 1} of {header.records} does not end"
+                        )
                     byte = block[at]
                     at += 1
                     code |= (byte & 0x7F) << shift
@@ -124,19 +127,18 @@ def decode_block(block: bytes, header: LogHeader) -> list[tuple[int, ...]]:
             low, span = _RANGES[i]
             value = (values[i] - low & _WORD) + low
             if value - low >= span:
-                raise _BadBlock(f"{LOG_RECORD_DTYPE.names[i]} of record {len(rows) + 1} is out of its range")  # type: ignore[index]
+                raise _BadBlockError(f"{_NAMES[i]} of record {len(rows) + 1} is out of its range")
             row.append(value)
         rows.append(tuple(row))
     if at != used:
-        raise _BadBlock(f"{header.records} records end at byte {at}, the block says {used}")
+        raise _BadBlockError(f"{header.records} records end at byte {at}, the block says {used}")
     return rows
 
 
 def _ranges() -> list[tuple[int, int]]:
     """Lowest value and number of values of each field."""
     ranges = []
-    assert LOG_RECORD_DTYPE.names is not None
-    for name in LOG_RECORD_DTYPE.names:
+    for name in _NAMES:
         info = np.iinfo(LOG_RECORD_DTYPE[name])
         ranges.append((int(info.min), int(info.max) - int(info.min) + 1))
     return ranges

@@ -117,8 +117,8 @@ class LogDownload:
                 continue
             if self._client.stream.now_s() - silent_since > timing.patience_s:
                 raise LinkTimeout(
-                    f"{self._client.stream.name}: the download stalled: no answer for {timing.patience_s:g} s, "
-                    f"{spans.known_bytes} of {len(spans.data)} bytes are here",
+                    f"{self._client.stream.name}: the download stalled: no answer for "
+                    f"{timing.patience_s:g} s, {spans.known_bytes} of {len(spans.data)} bytes are here",
                     "check the cable and the board's power, then run the command again: it resumes",
                 )
             stalls += 1
@@ -175,8 +175,8 @@ class LogDownload:
                 reply = self._client.unpack(LogReadRequest(asked.offset, asked.length), frame)
                 if reply.offset != asked.offset or len(reply.data) != asked.length:
                     raise LogError(
-                        f"the board answered {len(reply.data)} bytes at {reply.offset} where {asked.length} at "
-                        f"{asked.offset} were asked for",
+                        f"the board answered {len(reply.data)} bytes at {reply.offset} "
+                        f"where {asked.length} at {asked.offset} were asked for",
                         "flash the firmware that belongs to this version of truing",
                     )
                 self._keeper.fill(asked.offset, reply.data)
@@ -202,7 +202,8 @@ class LogDownload:
             reply = self._client.request(LogDigestRequest(spans.offset, len(spans.data)))
             if reply.crc32 != crc:
                 raise LogError(
-                    f"the log's {len(spans.data)} bytes have the digest {crc:08x}, the board says {reply.crc32:08x}",
+                    f"the log's {len(spans.data)} bytes have the digest {crc:08x}, "
+                    f"the board says {reply.crc32:08x}",
                     "fetch it again",
                 )
         return crc

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import itertools
 import math
 import tomllib
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ MAX_YAW_RATE_RADPS = 50.0
 RATES_HZ = (1, 200)
 BUILT_IN_FOLDER = Path(__file__).parent / "plans"
 _SUFFIX = ".toml"
+_LIST_NEXT = "`truing plan list` shows the plans that come with truing"
 
 
 class Kind(Enum):
@@ -85,7 +87,10 @@ class Plan:
 def built_in_names() -> list[str]:
     """The plans that come with truing, as `truing run` takes them."""
     return sorted(
-        (str(path.relative_to(BUILT_IN_FOLDER).with_suffix("")) for path in BUILT_IN_FOLDER.rglob("*" + _SUFFIX)),
+        (
+            str(path.relative_to(BUILT_IN_FOLDER).with_suffix(""))
+            for path in BUILT_IN_FOLDER.rglob("*" + _SUFFIX)
+        ),
         key=_natural,
     )
 
@@ -102,7 +107,7 @@ def load_plan(name_or_path: str) -> Plan:
     close = difflib.get_close_matches(name_or_path, names, n=3, cutoff=0.5)
     raise PlanError(
         f"{name_or_path}: neither a plan that comes with truing nor a file",
-        f"did you mean {', '.join(close)}?" if close else "`truing plan list` shows the plans that come with truing",
+        f"did you mean {', '.join(close)}?" if close else _LIST_NEXT,
     )
 
 
@@ -127,7 +132,8 @@ def parse_plan(content: dict[str, Any], name: str, where: str) -> Plan:
     tables = content.get("segment")
     if not isinstance(tables, list) or not tables:
         raise PlanError(
-            f"{where}: there is no [[segment]]", "add for example: [[segment]] duration_s = 2.0, effort = [0.3, 0.3]"
+            f"{where}: there is no [[segment]]",
+            "add for example: [[segment]] duration_s = 2.0, effort = [0.3, 0.3]",
         )
     segments = tuple(_segment(table, f"{where}: segment {i}") for i, table in enumerate(tables, 1)) * repeat
     if len(segments) > MAX_SEGMENTS:
@@ -142,11 +148,13 @@ def _read(path: Path, name: str) -> Plan:
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise FileError(path, f"cannot be read ({error.strerror})", "`truing plan list` shows the plans that come with truing") from error
+        raise FileError(path, f"cannot be read ({error.strerror})", _LIST_NEXT) from error
     except UnicodeDecodeError as error:
         raise PlanError(f"{path}: is not UTF-8 text") from error
     except tomllib.TOMLDecodeError as error:
-        raise PlanError(f"{path}: is not TOML: {error}", "`truing plan show paper/XI --toml` prints one to start from") from error
+        raise PlanError(
+            f"{path}: is not TOML: {error}", "`truing plan show paper/XI --toml` prints one to start from"
+        ) from error
     return parse_plan(content, name, str(path))
 
 
@@ -200,7 +208,8 @@ def _twist(value: object, where: str) -> tuple[float, float]:
     if abs(v) > MAX_SPEED_MPS:
         raise PlanError(f"{where}.v_mps: {v:g} is outside -{MAX_SPEED_MPS:g} to {MAX_SPEED_MPS:g}")
     if abs(omega) > MAX_YAW_RATE_RADPS:
-        raise PlanError(f"{where}.omega_radps: {omega:g} is outside -{MAX_YAW_RATE_RADPS:g} to {MAX_YAW_RATE_RADPS:g}")
+        limit = MAX_YAW_RATE_RADPS
+        raise PlanError(f"{where}.omega_radps: {omega:g} is outside -{limit:g} to {limit:g}")
     return v, omega
 
 
@@ -234,5 +243,5 @@ def _natural(name: str) -> tuple[str, int, str]:
     folder, _, last = name.rpartition("/")
     if last and set(last) <= set(_ROMAN):
         values = [_ROMAN[c] for c in last] + [0]
-        return folder, sum(-v if v < w else v for v, w in zip(values, values[1:], strict=False)), last
+        return folder, sum(-v if v < w else v for v, w in itertools.pairwise(values)), last
     return folder, 0, last

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from support.fake_board import FakeBoard, FakeLine
-from support.faulty_stream import FaultyStream
 
 import truing_protocol as tp
+from support.fake_board import FakeBoard, FakeLine
+from support.faulty_stream import FaultyStream
 from truing.errors import LinkClosed, LinkTimeout, Refused
 from truing.link.client import Client
 

@@ -83,17 +83,41 @@ class FakeBoard:
 
     def hello(self, _: tp.HelloRequest) -> bytes:
         return tp.HelloReply(
-            self.protocol_version, self.schema_hash, tuple(self.board_id), self.boot_id, "0.0-fake", "fake", 1000,
-            tp.MAX_PAYLOAD, tp.MAX_SEGMENTS, len(tp.PARAMETERS), tp.LOG_BLOCK_SIZE, tp.LOG_BLOCK_COUNT,
-            tp.ResetCause.POWER_ON, tp.ClockSource.CRYSTAL_PLL,
+            self.protocol_version,
+            self.schema_hash,
+            tuple(self.board_id),
+            self.boot_id,
+            "0.0-fake",
+            "fake",
+            1000,
+            tp.MAX_PAYLOAD,
+            tp.MAX_SEGMENTS,
+            len(tp.PARAMETERS),
+            tp.LOG_BLOCK_SIZE,
+            tp.LOG_BLOCK_COUNT,
+            tp.ResetCause.POWER_ON,
+            tp.ClockSource.CRYSTAL_PLL,
         ).pack()
 
     def status(self, _: tp.StatusRequest) -> bytes:
         running = self._running()
         state = tp.State.STOPPED if self.latched else tp.State.SEQUENCE if running else tp.State.IDLE
         return tp.StatusReply(
-            int(self.now_s * 1000), state, tp.Mode.IDLE, self._sequence_state(), 0, self.latched, self.latched, 12000,
-            (int(self.effort[0] * 1e4), int(self.effort[1] * 1e4)), (0, 0), (0, 0), 0, 0, 0, 0,
+            int(self.now_s * 1000),
+            state,
+            tp.Mode.IDLE,
+            self._sequence_state(),
+            0,
+            self.latched,
+            self.latched,
+            12000,
+            (int(self.effort[0] * 1e4), int(self.effort[1] * 1e4)),
+            (0, 0),
+            (0, 0),
+            0,
+            0,
+            0,
+            0,
         ).pack()
 
     def clear_faults(self, _: tp.ClearFaultsRequest) -> bytes:
@@ -153,7 +177,14 @@ class FakeBoard:
         count = len(self.sequence) // tp.Segment.SIZE
         elapsed = 0 if self.started_at is None else int((self.now_s - self.started_at) * 1000)
         return tp.SeqStateReply(
-            self._sequence_state(), count, count, 0, elapsed, self._duration_ms(), zlib.crc32(self.sequence), 1
+            self._sequence_state(),
+            count,
+            count,
+            0,
+            elapsed,
+            self._duration_ms(),
+            zlib.crc32(self.sequence),
+            1,
         ).pack()
 
     def log_list(self, request: tp.LogListRequest) -> bytes:
@@ -223,7 +254,9 @@ class FakeBoard:
 
 
 _REQUESTS = [
-    value for name, value in vars(tp).items() if name.endswith("Request") and name != "Request" and hasattr(value, "ID")
+    value
+    for name, value in vars(tp).items()
+    if name.endswith("Request") and name != "Request" and hasattr(value, "ID")
 ]
 
 

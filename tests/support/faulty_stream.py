@@ -17,7 +17,9 @@ class FaultyStream:
     cut_after_bytes : the line is cut once this many bytes have been received; None: never.
     """
 
-    def __init__(self, inner: Stream, share: float = 0.0, seed: int = 1, cut_after_bytes: int | None = None) -> None:
+    def __init__(
+        self, inner: Stream, share: float = 0.0, seed: int = 1, cut_after_bytes: int | None = None
+    ) -> None:
         self.inner = inner
         self.share = share
         self.cut_after_bytes = cut_after_bytes

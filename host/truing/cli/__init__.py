@@ -66,7 +66,9 @@ class _LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
 
-@click.command(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.command(
+    cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110}
+)
 @click.option(
     "--port",
     metavar="PORT",
@@ -76,8 +78,10 @@ class _LazyGroup(click.Group):
     help="Where the board is: sim (a virtual board inside this command), auto (the one serial port found), "
     "/dev/ttyUSB0, or tcp:HOST:PORT. Environment: TRUING_PORT.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print results as JSON on standard output, and nothing else there.")
-@click.option("-v", "--verbose", count=True, help="Log what happens to standard error; -vv logs every request.")
+@click.option("--json", "as_json", is_flag=True, help="Print results as JSON on standard output.")
+@click.option(
+    "-v", "--verbose", count=True, help="Log what happens to standard error; -vv logs every request."
+)
 @click.version_option(__version__, prog_name="truing")
 @click.pass_context
 def group(ctx: click.Context, port: str, as_json: bool, verbose: int) -> None:

@@ -12,9 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from truing.errors import TruingError
+
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rich.console import Console
     from rich.table import Table
+
+    from truing.device import Device
 
 LOGGER = logging.getLogger("truing")
 
@@ -33,6 +39,9 @@ class App:
     port: str = "sim"
     as_json: bool = False
     verbose: int = 0
+    seed: int = 1
+    robot: Path | None = None
+    image: Path | None = None
     _consoles: dict[str, Console] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
@@ -42,6 +51,47 @@ class App:
         LOGGER.handlers[:] = [handler]
         LOGGER.setLevel(level)
         LOGGER.propagate = False
+
+    @property
+    def is_virtual(self) -> bool:
+        """Whether the port is a virtual board inside this process."""
+        return self.port == "sim"
+
+    @property
+    def asks(self) -> bool:
+        """Whether a person sits at the terminal who can answer a question."""
+        return not self.as_json and sys.stdin.isatty() and sys.stderr.isatty()
+
+    def choose_virtual(self, seed: int | None, robot: Path | None, image: Path | None) -> None:
+        """Take a virtual board's options; a board that is not made here has none."""
+        given = {"--seed": seed, "--robot": robot, "--image": image}
+        if not self.is_virtual:
+            for option, value in given.items():
+                if value is not None:
+                    raise TruingError(
+                        f"{option} is for a virtual board made by this command, and --port is {self.port}",
+                        f"leave {option} away, or give it to `truing board`",
+                    )
+        self.seed = 1 if seed is None else seed
+        self.robot, self.image = robot, image
+
+    def open_device(self, *, lasting: bool = True) -> Device:
+        """Open the board at the port that the user chose.
+
+        Parameters
+        ----------
+        lasting : the command is about a board that was there before and stays; a virtual board
+            made here is neither, and the user is told.
+        """
+        from truing.device import Device
+        from truing.link.connect import VirtualOptions
+
+        if lasting and self.is_virtual:
+            self.note(
+                "note: --port is sim: this is a new virtual board that lives as long as this command "
+                "(`truing board` starts one that stays)"
+            )
+        return Device.open(self.port, VirtualOptions(self.seed, self.image, self.robot))
 
     @property
     def out(self) -> Console:
@@ -78,7 +128,7 @@ class App:
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
         columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-        with Progress(*columns, console=self.err, transient=not self.err.is_terminal) as bar:
+        with Progress(*columns, console=self.err, disable=not self.err.is_terminal) as bar:
             task = bar.add_task(label, total=1.0)
 
             def update(share: float) -> None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import logging
 import secrets
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
-from truing.errors import LinkError, LinkTimeout
+from truing.errors import Interrupted, LinkError, LinkTimeout
 from truing.link.framing import Frame, FrameDecoder, encode
 from truing.link.refusals import refused
 from truing.link.stream import Stream
@@ -54,10 +55,14 @@ class Client:
         program's; on a virtual board, which nobody else has used, it is 1.
     """
 
-    def __init__(self, stream: Stream, *, timing: Timing | None = None, first_sequence: int | None = None) -> None:
+    def __init__(
+        self, stream: Stream, *, timing: Timing | None = None, first_sequence: int | None = None
+    ) -> None:
         self.stream = stream
         self.timing = timing or Timing()
         self.counts = LinkCounts()
+        # Asked between waits; a true answer ends whatever is under way with `Interrupted`.
+        self.interrupted: Callable[[], bool] = _never
         self._decoder = FrameDecoder()
         if first_sequence is None:
             first_sequence = 1 if stream.virtual else secrets.randbelow(0x10000)
@@ -101,7 +106,7 @@ class Client:
             if now >= deadline and tries > 0:
                 raise LinkTimeout(
                     f"{self.stream.name}: no answer to {request.NAME} within {patience:g} s ({tries} tries)",
-                    "check that the board has power, that it is the right port, and that the cable carries both directions",
+                    "check the port, the board's power and both directions of the cable",
                 )
             self._transmit(request, sequence, again=tries > 0)
             tries += 1
@@ -129,7 +134,15 @@ class Client:
         return sequence
 
     def receive(self, timeout_s: float) -> list[Frame]:
-        """Return the frames that have arrived, waiting up to `timeout_s` for the first bytes."""
+        """Return the frames that have arrived, waiting up to `timeout_s` for the first bytes.
+
+        Raises
+        ------
+        Interrupted : `interrupted` said so.
+        LinkClosed : the line is gone.
+        """
+        if self.interrupted():
+            raise Interrupted("interrupted")
         frames = [frame for frame in self._decoder.feed(self.stream.read(timeout_s)) if frame.id & REPLY_BIT]
         self.counts.replies += len(frames)
         return frames
@@ -160,3 +173,7 @@ class Client:
         sequence = self._sequence
         self._sequence = (self._sequence + 1) & 0xFFFF
         return sequence
+
+
+def _never() -> bool:
+    return False

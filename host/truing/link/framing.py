@@ -47,7 +47,8 @@ def encode(frame: Frame) -> bytes:
     if len(frame.payload) > MAX_PAYLOAD:
         raise ValueError(f"a payload of {len(frame.payload)} bytes is longer than {MAX_PAYLOAD}")
     body = _HEADER.pack(frame.id, frame.sequence) + frame.payload
-    return b"\0" + cobs.encode(body + _CRC.pack(zlib.crc32(body))) + b"\0"
+    stuffed: bytes = cobs.encode(body + _CRC.pack(zlib.crc32(body)))
+    return b"\0" + stuffed + b"\0"
 
 
 class FrameDecoder:

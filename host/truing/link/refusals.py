@@ -9,7 +9,9 @@ _NEXT_STEP: dict[int, str] = {
     RefusalReason.UNKNOWN_REQUEST: "flash the firmware that belongs to this version of truing",
     RefusalReason.BAD_LENGTH: "flash the firmware that belongs to this version of truing",
     RefusalReason.NOT_FINITE: "give a finite number",
-    RefusalReason.OUT_OF_RANGE: "`truing params list` shows the limits; change the command, or the limit with `truing params set`",
+    RefusalReason.OUT_OF_RANGE: (
+        "`truing params list` shows the limits; change the command, or the limit with `truing params set`"
+    ),
     RefusalReason.WRONG_STATE: "`truing stop` ends what the board does now; then try again",
     RefusalReason.FAULT_LATCHED: "put the cause right, then `truing faults --clear`",
     RefusalReason.SELF_CHECK_FAILED: "put the cause right; `truing info` shows what the board measures",
@@ -20,7 +22,9 @@ _NEXT_STEP: dict[int, str] = {
     RefusalReason.SEQUENCE_BAD_CRC: "upload the plan again; another host may be using this board",
     RefusalReason.SEQUENCE_EMPTY: "upload a plan first (`truing run PLAN` does both)",
     RefusalReason.UNKNOWN_SEGMENT_KIND: "flash the firmware that belongs to this version of truing",
-    RefusalReason.LOG_GONE: "`truing log list` shows what the ring still holds; fetch logs sooner, or log at a lower rate",
+    RefusalReason.LOG_GONE: (
+        "`truing log list` shows what the ring still holds; fetch logs sooner, or log at a lower rate"
+    ),
     RefusalReason.LOG_BEYOND_END: "`truing log list` shows what the ring holds",
     RefusalReason.LOG_BUSY: "wait for the sequence to end, or `truing stop`",
 }
@@ -37,7 +41,8 @@ def refused(request: str, refusal: Refusal) -> Refused:
     try:
         reason = RefusalReason(refusal.reason)
     except ValueError:
-        return Refused(request, str(refusal.reason), f"the board refused {request} for reason {refusal.reason}, which truing does not know")
+        text = f"the board refused {request} for reason {refusal.reason}, which truing does not know"
+        return Refused(request, str(refusal.reason), text)
     name = reason.name.lower()
     next_step = _NEXT_STEP.get(reason, "")
     meaning = REFUSAL_MEANING[reason].split("; `detail`")[0].split("; clear_faults")[0]
@@ -58,7 +63,8 @@ def _detail(reason: RefusalReason, request: str, detail: int) -> str:
         states = {int(s): s.name.lower() for s in State}
         return f": it is {states.get(detail, detail)}"
     if reason in (RefusalReason.OUT_OF_RANGE, RefusalReason.NOT_FINITE):
-        return f": segment {detail + 1}" if request == "seq_segments" else f": number {detail + 1} of the request"
+        what = "segment {}" if request == "seq_segments" else "number {} of the request"
+        return ": " + what.format(detail + 1)
     if reason is RefusalReason.SEQUENCE_TOO_LONG:
         return f": it holds {detail}"
     if reason is RefusalReason.SEQUENCE_GAP:

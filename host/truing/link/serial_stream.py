@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import time
 
@@ -71,15 +72,13 @@ class SerialStream:
 
     def close(self) -> None:
         """Release the port."""
-        try:
+        with contextlib.suppress(OSError):  # the device may be gone already
             self._port.close()
-        except OSError:
-            pass  # the device is gone already, which is what closing is for
 
     def _closed(self, error: Exception) -> LinkClosed:
         return LinkClosed(
             f"{self._name}: the link to the board is gone ({error})",
-            "check the cable and the board's power, then run the command again: a download resumes where it was cut",
+            "check the cable and the board's power, then try again: a download resumes where it was cut",
         )
 
     def _open_error(self, error: Exception) -> PortError:

@@ -79,6 +79,6 @@ class TcpStream:
     def _closed(self, why: str) -> LinkClosed:
         return LinkClosed(
             f"{self._name}: the link to the board is gone ({why})",
-            "see that the board is still there and that no other host is connected to it, then run the command again: "
+            "see that the board is still there and that no other host is connected to it, then try again: "
             "a download resumes where it was cut",
         )

@@ -1,0 +1,136 @@
+"""What a board tells of itself: its status with named faults, its parameters, its logs."""
+
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from truing.link.refusals import faults_in
+from truing_protocol import (
+    LOG_BLOCK_SIZE,
+    FaultInfo,
+    LogEnd,
+    LogEntry,
+    Mode,
+    ParameterInfo,
+    SequenceState,
+    State,
+    StatusReply,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class BoardStatus:
+    """What the robot does now.
+
+    `active` faults have their cause present, `latched` ones have stopped the wheels. Pairs are
+    left and right; `battery_v` is None while it could not be measured.
+    """
+
+    uptime_s: float
+    state: State
+    mode: Mode
+    sequence_state: SequenceState
+    log_open: bool
+    active: tuple[FaultInfo, ...]
+    latched: tuple[FaultInfo, ...]
+    battery_v: float | None
+    effort: tuple[float, float]
+    speed_mps: tuple[float, float]
+    counts: tuple[int, int]
+    x_m: float
+    y_m: float
+    theta_rad: float
+    frames_dropped: int
+
+    @classmethod
+    def from_reply(cls, reply: StatusReply) -> BoardStatus:
+        """Read the wire's integers."""
+        return cls(
+            uptime_s=reply.uptime_ms / 1000,
+            state=State(reply.state),
+            mode=Mode(reply.mode),
+            sequence_state=SequenceState(reply.sequence_state),
+            log_open=bool(reply.log_open),
+            active=faults_in(reply.faults_active),
+            latched=faults_in(reply.faults_latched),
+            battery_v=reply.battery_mv / 1000 if reply.battery_mv else None,
+            effort=(reply.effort_e4[0] / 1e4, reply.effort_e4[1] / 1e4),
+            speed_mps=(reply.speed_mmps[0] / 1000, reply.speed_mmps[1] / 1000),
+            counts=(reply.counts[0], reply.counts[1]),
+            x_m=reply.x_mm / 1000,
+            y_m=reply.y_mm / 1000,
+            theta_rad=reply.theta_e4 / 1e4,
+            frames_dropped=reply.frames_dropped,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON: enums and faults by name."""
+        content = asdict(self)
+        for name in ("state", "mode", "sequence_state"):
+            content[name] = getattr(self, name).name.lower()
+        for name in ("active", "latched"):
+            content[name] = [fault.name for fault in getattr(self, name)]
+        return content
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One of the board's parameters with its value."""
+
+    info: ParameterInfo
+    value: float
+
+    @property
+    def text(self) -> str:
+        """The value in the fewest digits that single precision needs."""
+        return format_f32(self.value)
+
+
+@dataclass(frozen=True, slots=True)
+class BoardLog:
+    """One log that the board's ring still holds, wholly or in part."""
+
+    log_id: int
+    end: LogEnd
+    truncated: bool
+    rate_hz: int
+    offset: int
+    length: int
+    record_count: int
+    start_s: float
+    end_s: float
+    sequence_crc: int
+
+    @classmethod
+    def from_entry(cls, entry: LogEntry) -> BoardLog:
+        """Read the wire's integers; offset and length are bytes, as downloads count."""
+        return cls(
+            log_id=entry.log_id,
+            end=LogEnd(entry.end),
+            truncated=bool(entry.truncated),
+            rate_hz=entry.rate_hz,
+            offset=entry.first_block * LOG_BLOCK_SIZE,
+            length=entry.block_count * LOG_BLOCK_SIZE,
+            record_count=entry.record_count,
+            start_s=entry.start_ms / 1000,
+            end_s=entry.end_ms / 1000,
+            sequence_crc=entry.sequence_crc,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self) | {"end": self.end.name.lower()}
+
+
+def format_f32(value: float) -> str:
+    """The shortest decimal that single precision reads back as `value`."""
+    if math.isfinite(value) and value == int(value) and abs(value) < 2**24:
+        return str(int(value))
+    for digits in range(1, 10):
+        text = f"{value:.{digits}g}"
+        if struct.pack("<f", float(text)) == struct.pack("<f", value):
+            return text
+    return repr(value)

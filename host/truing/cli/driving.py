@@ -1,0 +1,95 @@
+"""What `run`, `step`, `demo` and `paper` do alike: warn, ask, drive, fetch, save."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from truing.cli.app import App
+
+if TYPE_CHECKING:
+    from truing.board_state import Parameter
+    from truing.device import Device
+    from truing.plan import Plan
+    from truing.recording import Run
+    from truing.run_saver import FetchedLog
+
+
+@dataclass(frozen=True)
+class SavedRun:
+    """A run that has been driven, fetched and written."""
+
+    path: Path
+    run: Run
+    fetched: FetchedLog
+    plan: Plan
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        report = self.fetched.report
+        return {
+            "run": str(self.path),
+            "plan": self.plan.name,
+            "records": len(self.run),
+            "log": self.fetched.log.to_dict(),
+            "bytes": report.bytes,
+            "asked_again_bytes": report.again_bytes,
+            "seconds": report.seconds,
+            "crc32": f"{report.crc32:08x}",
+        }
+
+
+def drive_and_save(app: App, plan: Plan, folder: Path | None, label: str, *, ask: bool) -> SavedRun:
+    """Open the board, drive the plan on it and add the run to a set."""
+    from truing.drive import Interrupts
+
+    interrupts = Interrupts()
+    with app.open_device(lasting=False) as device, interrupts.caught():
+        parameters = device.parameters()
+        warn_and_ask(app, device, parameters, plan, ask=ask)
+        return drive_on(app, device, parameters, plan, folder, label, interrupts)
+
+
+def warn_and_ask(
+    app: App, device: Device, parameters: dict[str, Parameter], plan: Plan, *, ask: bool
+) -> None:
+    """Say how much floor the plan needs and how fast it goes; ask a person before a real robot moves."""
+    from truing.errors import Interrupted
+    from truing.floor import estimate_floor
+    from truing.run_saver import motion_model
+
+    where = "virtual board" if app.is_virtual else device.info.board_name
+    app.note(f"{plan.name} on {device.info.port} ({where}): {plan.title}")
+    app.note(estimate_floor(plan, motion_model(parameters)).sentence())
+    if ask and app.asks and not app.is_virtual and not click.confirm("The robot will move. Start?", err=True):
+        raise Interrupted("not started: nothing has moved")
+
+
+def drive_on(
+    app: App,
+    device: Device,
+    parameters: dict[str, Parameter],
+    plan: Plan,
+    folder: Path | None,
+    label: str,
+    interrupts: Any,
+) -> SavedRun:
+    """Drive a plan on a board that is open, fetch its log, add it to a set."""
+    from truing.drive import drive
+    from truing.run_saver import baseline_text, fetch_log, run_of, save_run
+    from truing.workspace import recording_folder
+
+    with app.progress("driving") as progress:
+        driven = drive(device, plan, interrupts=interrupts, progress=progress, say=app.note)
+    device.client.interrupted = lambda: interrupts.requested
+    with app.progress("fetching") as progress:
+        fetched = fetch_log(device, driven.log_id, progress)
+    seed = app.seed if app.is_virtual else None
+    run = run_of(device, fetched, label, parameters=parameters, plan=plan, seed=seed)
+    folder = folder or recording_folder(None if app.is_virtual else device.info.board_id)
+    name = "virtual" if app.is_virtual else device.info.board_name
+    path = save_run(run, folder, label, baseline_text(name, parameters, fetched.log.rate_hz))
+    return SavedRun(path, run, fetched, plan)

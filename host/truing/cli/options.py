@@ -1,0 +1,65 @@
+"""Options that several subcommands share; they may stand before or after the subcommand's name."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from truing.cli.app import App
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def json_option(function: Command) -> Command:
+    """`--json` after the subcommand, and the `App` as first argument."""
+
+    @click.option("--json", "json_here", is_flag=True, help="Print the result as JSON.")
+    @click.pass_context
+    @functools.wraps(function)
+    def wrapper(ctx: click.Context, /, *args: Any, json_here: bool, **kwargs: Any) -> Any:
+        app = ctx.ensure_object(App)
+        app.as_json = app.as_json or json_here
+        return function(app, *args, **kwargs)
+
+    return wrapper  # type: ignore[return-value]
+
+
+def board_options(function: Command) -> Command:
+    """`--port`, `--seed`, `--robot`, `--image` after the subcommand; `--json` and the `App` as well.
+
+    What they say is put into the `App`, which opens the board.
+    """
+
+    @json_option
+    @click.option("--port", "port_here", metavar="PORT", help="Where the board is, as `truing --port`.")
+    @click.option("--seed", type=click.IntRange(min=0), help="Seed of a virtual board's noise.  [default: 1]")
+    @click.option(
+        "--robot",
+        type=click.Path(exists=True, dir_okay=False, path_type=Path),
+        help="TOML file with what a virtual robot has other than the paper's robot.",
+    )
+    @click.option(
+        "--image",
+        type=click.Path(exists=True, dir_okay=False, path_type=Path),
+        help="Firmware image (ELF) that a virtual board runs instead of the built one.",
+    )
+    @functools.wraps(function)
+    def wrapper(
+        app: App,
+        /,
+        *args: Any,
+        port_here: str | None,
+        seed: int | None,
+        robot: Path | None,
+        image: Path | None,
+        **kwargs: Any,
+    ) -> Any:
+        app.port = port_here or app.port
+        app.choose_virtual(seed, robot, image)
+        return function(app, *args, **kwargs)
+
+    return wrapper  # type: ignore[return-value]

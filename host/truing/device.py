@@ -1,0 +1,327 @@
+"""A board as a Python object: typed commands over the link."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from truing.board_state import BoardLog, BoardStatus, Parameter, format_f32
+from truing.errors import BoardRebooted, LinkTimeout, LogError, PlanError, Refused, TruingError
+from truing.link.client import Client
+from truing.link.connect import VirtualOptions, open_stream
+from truing.link.handshake import BoardInfo, shake_hands
+from truing.log_download import DownloadReport, Keeper, LogDownload, MemoryKeeper
+from truing.partial_file import LogIdentity, PartialFile
+from truing.plan import Kind, Plan
+from truing_protocol import (
+    PARAMETERS,
+    ClearFaultsRequest,
+    LogEraseRequest,
+    LogListReply,
+    LogListRequest,
+    ParameterInfo,
+    ParameterKind,
+    ParamGetRequest,
+    ParamListRequest,
+    ParamSetRequest,
+    Segment,
+    SegmentKind,
+    SeqAbortRequest,
+    SeqBeginRequest,
+    SeqCommitRequest,
+    SeqSegmentsRequest,
+    SeqStartRequest,
+    SeqStateReply,
+    SeqStateRequest,
+    SetEffortRequest,
+    SetVelocityRequest,
+    StatusRequest,
+    StopRequest,
+)
+
+_WIRE_KIND = {
+    Kind.EFFORT: SegmentKind.EFFORT,
+    Kind.VELOCITY: SegmentKind.VELOCITY,
+    Kind.TWIST: SegmentKind.TWIST,
+}
+# Six segments make a frame of 90 bytes: on a clean line a long plan costs a few more round trips, on
+# a bad one a longer frame would hardly ever arrive.
+_SEGMENTS_PER_FRAME = 6
+# A stop is worth more patience than anything else.
+_STOP_PATIENCE_S = 6.0
+
+
+@dataclass(frozen=True, slots=True)
+class UploadedSequence:
+    """A sequence that the board holds and has checked."""
+
+    crc32: int
+    duration_s: float
+
+
+class Device:
+    """One board at the other end of a link.
+
+    Parameters
+    ----------
+    client : an open link; the board is asked who it is at once.
+    """
+
+    def __init__(self, client: Client) -> None:
+        self.client = client
+        self.info: BoardInfo = shake_hands(client)
+
+    @classmethod
+    def open(cls, port: str = "sim", virtual: VirtualOptions | None = None) -> Device:
+        """Open a port and greet the board on it."""
+        client = Client(open_stream(port, virtual))
+        try:
+            return cls(client)
+        except BaseException:
+            client.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Release the port."""
+        self.client.close()
+
+    # ---- who and how
+
+    def check_same_boot(self) -> None:
+        """Greet again; raise `BoardRebooted` when the board started anew since the first greeting."""
+        now = shake_hands(self.client)
+        if (now.board_id, now.boot_id) != (self.info.board_id, self.info.boot_id):
+            same = now.board_id == self.info.board_id
+            who = "the board started anew" if same else "another board is on this port"
+            raise BoardRebooted(
+                f"{now.port}: {who} in between (cause of its last start: {now.reset_cause})",
+                "its sequence, logs and parameters from before are gone; check its supply and start over",
+            )
+
+    def status(self) -> BoardStatus:
+        """What the robot does now."""
+        return BoardStatus.from_reply(self.client.request(StatusRequest()))
+
+    def clear_faults(self) -> None:
+        """Unlatch all faults whose cause is gone."""
+        self.client.request(ClearFaultsRequest())
+
+    # ---- parameters
+
+    def parameters(self, progress: Callable[[float], None] | None = None) -> dict[str, Parameter]:
+        """All parameters with their values, by name, in the board's order."""
+        found: dict[str, Parameter] = {}
+        docs = {info.name: info.doc for info in PARAMETERS}
+        for index in range(self.info.parameter_count):
+            reply = self.client.request(ParamListRequest(index))
+            info = ParameterInfo(
+                index=index,
+                name=reply.name,
+                unit=reply.unit,
+                kind=ParameterKind(reply.kind),
+                minimum=reply.minimum,
+                maximum=reply.maximum,
+                default=reply.default_value,
+                doc=docs.get(reply.name, ""),
+            )
+            found[reply.name] = Parameter(info, reply.value)
+            if progress is not None:
+                progress((index + 1) / self.info.parameter_count)
+        return found
+
+    def get_parameter(self, name: str) -> Parameter:
+        """One parameter with its value."""
+        info = parameter_info(name)
+        return Parameter(info, self.client.request(ParamGetRequest(info.index)).value)
+
+    def set_parameter(self, name: str, value: float) -> Parameter:
+        """Change one parameter; returns it as the board stored it."""
+        info = parameter_info(name)
+        if not math.isfinite(value):
+            raise TruingError(f"{name}: {value} is not a finite number")
+        try:
+            return Parameter(info, self.client.request(ParamSetRequest(info.index, value)).value)
+        except Refused as refusal:
+            if refusal.reason != "out_of_range":
+                raise
+            raise Refused(
+                refusal.request,
+                refusal.reason,
+                f"the board refused {name} = {format_f32(value)}: it must lie within "
+                f"{format_f32(info.minimum)} to {format_f32(info.maximum)} {info.unit}".rstrip(),
+                "`truing params list` shows every parameter's limits",
+            ) from None
+        except (OverflowError, ValueError) as error:
+            raise TruingError(f"{name}: {value:g} does not fit a single-precision number") from error
+
+    # ---- sequences
+
+    def upload(self, plan: Plan, progress: Callable[[float], None] | None = None) -> UploadedSequence:
+        """Give the board a plan; it checks every segment and the whole's CRC.
+
+        Raises
+        ------
+        PlanError : more segments than this board holds.
+        Refused : a segment is beyond the board's limits, by number.
+        """
+        if len(plan.segments) > self.info.max_segments:
+            raise PlanError(
+                f"{plan.name}: {len(plan.segments)} segments are more than the {self.info.max_segments} "
+                "that this board holds",
+                "split the plan into several runs",
+            )
+        segments = tuple(
+            Segment(_WIRE_KIND[step.kind], step.duration_ms, step.a, step.b) for step in plan.segments
+        )
+        crc = zlib.crc32(b"".join(segment.pack() for segment in segments))
+        self.client.request(SeqBeginRequest(len(segments), plan.log_rate_hz))
+        for first in range(0, len(segments), _SEGMENTS_PER_FRAME):
+            self.client.request(SeqSegmentsRequest(first, segments[first : first + _SEGMENTS_PER_FRAME]))
+            if progress is not None:
+                progress(min(first + _SEGMENTS_PER_FRAME, len(segments)) / len(segments))
+        reply = self.client.request(SeqCommitRequest(crc))
+        return UploadedSequence(crc, reply.duration_ms / 1000)
+
+    def start(self, sequence: UploadedSequence) -> int:
+        """Run an uploaded sequence; returns the id of the log that opens."""
+        return self.client.request(SeqStartRequest(sequence.crc32)).log_id
+
+    def sequence_state(self) -> SeqStateReply:
+        """Where the sequence is."""
+        return self.client.request(SeqStateRequest())
+
+    def abort(self) -> None:
+        """Brake, end the sequence, forget an upload in progress."""
+        self.client.request(SeqAbortRequest(), patience_s=_STOP_PATIENCE_S)
+
+    # ---- live
+
+    def set_effort(self, left: float, right: float) -> None:
+        """Drive with a share of the supply; must be repeated within the board's command_timeout_s."""
+        self.client.request(SetEffortRequest(left, right))
+
+    def set_velocity(self, left_mps: float, right_mps: float) -> None:
+        """Hold wheel speeds; must be repeated within the board's command_timeout_s."""
+        self.client.request(SetVelocityRequest(left_mps, right_mps))
+
+    def stop(self) -> None:
+        """Brake both wheels now, whatever the board does; asks again until it is acknowledged.
+
+        Not even a pending interrupt keeps this from being sent.
+        """
+        pending, self.client.interrupted = self.client.interrupted, lambda: False
+        try:
+            self.client.request(StopRequest(), patience_s=_STOP_PATIENCE_S)
+        finally:
+            self.client.interrupted = pending
+
+    # ---- logs
+
+    def logs(self) -> tuple[BoardLog, ...]:
+        """The logs in the ring, oldest first."""
+        found: list[BoardLog] = []
+        while True:
+            reply = self._log_list(len(found))
+            found += [BoardLog.from_entry(entry) for entry in reply.entries]
+            if len(found) >= reply.total or not reply.entries:
+                return tuple(found)
+
+    def log(self, log_id: int | None = None) -> BoardLog:
+        """The log with that id, or the newest.
+
+        Asks from the newest backwards: a short answer gets through a bad line where the list of
+        all logs would not.
+        """
+        total = self._log_list(255).total
+        for first in range(total - 1, -1, -1):
+            # Others may have been added or overwritten since `total` was asked.
+            entries = self._log_list(first).entries
+            if not entries:
+                continue
+            for entry in entries[::-1] if log_id is None else entries:
+                if log_id is None or entry.log_id == log_id:
+                    return BoardLog.from_entry(entry)
+        if log_id is None:
+            raise LogError("the board holds no log", "drive a plan first: `truing run paper/XI`")
+        raise LogError(f"the board holds no log {log_id}", "`truing log list` shows the logs it holds")
+
+    def _log_list(self, first: int) -> LogListReply:
+        return self.client.request(LogListRequest(first))
+
+    def read_log(
+        self,
+        log: BoardLog,
+        *,
+        partial: Path | None = None,
+        progress: Callable[[float], None] | None = None,
+    ) -> tuple[bytes, DownloadReport]:
+        """Bring a log's bytes, checked against the board's digest.
+
+        Parameters
+        ----------
+        partial : a file that keeps what has arrived, so that a download cut short is resumed by
+            the next one with the same file; removed when the download is done.
+        """
+        if partial is None:
+            keeper: Keeper = MemoryKeeper(log.offset, log.length)
+            return self._download(keeper, progress)
+        identity = LogIdentity(
+            self.info.board_id,
+            self.info.boot_id,
+            log.log_id,
+            round(log.start_s * 1000),
+            log.offset,
+            log.length,
+        )
+        file = PartialFile(partial, identity)
+        try:
+            result = self._download(file, progress)
+        except LogError:
+            # Whatever is in the file, it is not this log: the next try begins afresh.
+            file.discard()
+            raise
+        finally:
+            file.close()
+        file.discard()
+        return result
+
+    def _download(
+        self, keeper: Keeper, progress: Callable[[float], None] | None
+    ) -> tuple[bytes, DownloadReport]:
+        try:
+            report = LogDownload(self.client, keeper).run(progress)
+        except (LinkTimeout, Refused):
+            # A board that started anew is silent for a while, and then knows nothing of this log.
+            self.check_same_boot()
+            raise
+        return bytes(keeper.spans.data), report
+
+    def erase_logs(self) -> None:
+        """Forget all logs."""
+        self.client.request(LogEraseRequest())
+
+
+def parameter_info(name: str) -> ParameterInfo:
+    """The schema's description of a parameter.
+
+    Raises
+    ------
+    TruingError : there is none of that name.
+    """
+    for info in PARAMETERS:
+        if info.name == name:
+            return info
+    close = difflib.get_close_matches(name, [info.name for info in PARAMETERS], n=3)
+    hint = f"did you mean {', '.join(close)}?" if close else "`truing params list` shows them all"
+    raise TruingError(f"{name}: the board has no such parameter", hint)
