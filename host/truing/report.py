@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from html import escape
 from importlib import resources
 from pathlib import Path
@@ -142,14 +142,11 @@ def _table(table: PlainTable) -> str:
 
     head = "".join(cell("th", name, number) for name, number in zip(table.header, table.numeric, strict=True))
     body = []
-    group = table.header.index("Wheel") + 1
-    before: Sequence[str] = ()
-    for row in table.rows:
+    for row, begins_group in table.grouped():
         # A line above each new run or wheel lets the eye find its rows.
-        first = ' class="first"' if before and row[:group] != before[:group] else ""
+        first = ' class="first"' if begins_group else ""
         cells = "".join(cell("td", text, number) for text, number in zip(row, table.numeric, strict=True))
         body.append(f"<tr{first}>{cells}</tr>")
-        before = row
     notes = [f"<p><sup>{number}</sup> {escape(note)}</p>" for number, note in enumerate(table.notes, start=1)]
     notes += [f"<p>{escape(remark)}</p>" for remark in table.remarks]
     return (

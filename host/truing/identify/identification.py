@@ -148,7 +148,8 @@ def _fit_jobs(
         for run in driven:
             kind = "steps" if stepped[run.name] else "ramps"
             groups.setdefault(f"{kind} {_direction(run, wheel)}", []).append(run)
-        jobs.extend((wheel, label, groups[label]) for label in sorted(groups))
+        steps_first = sorted(groups, key=lambda label: (label.startswith("ramps"), label))
+        jobs.extend((wheel, label, groups[label]) for label in steps_first)
     return jobs
 
 

@@ -72,12 +72,12 @@ def find_levels(run: Run, wheel: Wheel) -> Levels:
 
 def _from_command(run: Run, wheel: Wheel, command: FloatArray, mode: tuple[str, ...]) -> Levels:
     """Levels of a logged command: exact values, one edge wherever command or mode changes."""
-    # At rest the mode says idle; an idle stretch is zero input in the mode that surrounds it.
-    kind: InputKind = "velocity" if "velocity" in mode else "effort"
-    active = np.array([name != "idle" for name in mode])
-    if "velocity" in mode and "effort" in mode:
-        return Levels((), "the run mixes effort and velocity mode")
-    value = np.where(active, command, 0.0)
+    value = np.where(np.array(mode) == "idle", 0.0, command)
+    # A rest is zero input in whatever mode surrounds it; only what moves has a kind.
+    kinds = {name for name, driven in zip(mode, value != 0.0, strict=True) if driven}
+    if len(kinds) > 1:
+        return Levels((), "the run mixes effort and velocity commands")
+    kind: InputKind = "velocity" if "velocity" in kinds else "effort"
     edges = np.flatnonzero(np.abs(np.diff(value)) > 1e-9) + 1
     levels = _levels_between(run, wheel, kind, value, edges, 0.0)
     cover = sum(level.duration_s for level in levels)

@@ -28,6 +28,7 @@ class PlainTable:
     Attributes
     ----------
     numeric : for each column, whether it is set flush right.
+    group : how many leading columns name a group of rows; they are shown where they change.
     notes : remarks that cells refer to by number.
     remarks : what holds for the whole table.
     """
@@ -35,6 +36,7 @@ class PlainTable:
     title: str
     header: list[str]
     numeric: list[bool]
+    group: int = 1
     rows: list[list[str]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
@@ -60,9 +62,19 @@ class PlainTable:
         )
         for name, numeric in zip(self.header, self.numeric, strict=True):
             table.add_column(name, justify="right" if numeric else "left", overflow="fold")
-        for row in self.rows:
+        for row, first in self.grouped():
+            if first and self.group > 1:
+                table.add_section()
             table.add_row(*map(_plain, row))
         return table
+
+    def grouped(self) -> Iterator[tuple[list[str], bool]]:
+        """Rows with repeated group names blanked, and whether a row begins a group (the first excepted)."""
+        before: list[str] = []
+        for row in self.rows:
+            same = row[: self.group] == before[: self.group]
+            yield [""] * self.group + row[self.group :] if same else row, bool(before) and not same
+            before = row
 
 
 def result_tables(result: Identification) -> list[PlainTable]:
@@ -86,6 +98,7 @@ def _table_iii(runs: Sequence[RunIdentification]) -> PlainTable:
         "Steps, one level each (the paper's Table III)",
         ["Test", "Mode", "Wheel", "Input", "Gain", "τ from 0, s", "τ to 0, s"],
         [False, False, False, True, True, True, True],
+        group=2,
     )
     for run in runs:
         for side in _moving_sides(run):
@@ -104,6 +117,7 @@ def _table_iv(runs: Sequence[RunIdentification]) -> PlainTable:
         "Steps, several levels (the paper's Table IV)",
         ["Test", "Mode", "Wheel", "Step", "Gain", "τ up, s", "τ down, s"],
         [False, False, False, True, True, True, True],
+        group=3,
     )
     for run in runs:
         for side in _moving_sides(run):

@@ -1,0 +1,59 @@
+"""`truing identify`: gains, time constants and first-order models of recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from truing.cli.app import App
+from truing.cli.options import json_option
+
+
+@click.command()
+@click.argument("runs", metavar="RUNS", type=click.Path(path_type=Path))
+@click.option(
+    "--model",
+    metavar="BASELINE.TOML",
+    type=click.Path(path_type=Path),
+    help="Geometry that turns counts into metres.  [default: the baseline.toml beside the runs]",
+)
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder for report.html, a PNG of each run, and the tables as CSV and JSON.",
+)
+@json_option
+def command(app: App, runs: Path, model: Path | None, out: Path | None) -> None:
+    """Print gain and time constants of RUNS: a recording set, a folder of CSV files, or one CSV file.
+
+    Steps give a gain and a time constant each (the paper's Tables III and IV); a first-order model
+    is fitted to all runs together by free-run simulation. What cannot be determined says why.
+
+    \b
+    Examples:
+      truing identify out/recordings/virtual
+      truing identify my_robot --model baseline.toml --out out/my_robot
+      truing identify my_robot/runs/01_step.csv --json
+    """
+    from truing.identify.data_checks import summarise
+    from truing.identify.identification import identify_set
+    from truing.identify.tables import result_tables, unstepped
+    from truing.recording_reader import read_recording_set
+
+    recordings = read_recording_set(runs, model)
+    with app.progress("identifying") as progress:
+        result = identify_set(recordings, progress)
+    app.emit(result.to_json())
+    for line in summarise(result.findings):
+        app.say(f"! {line}")
+    for table in result_tables(result):
+        app.show(table.to_rich())
+    for line in unstepped(result):
+        app.say(line)
+    if out is not None:
+        from truing.identify.output import save_identification
+
+        with app.progress("drawing") as progress:
+            for path in save_identification(recordings, result, out, progress):
+                app.say(f"written: {path}")

@@ -1,0 +1,46 @@
+"""Writes everything that an identification found into a folder."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from truing.identify.identification import Identification
+from truing.identify.tables import fits_csv, steps_csv
+from truing.plot import save_png
+from truing.recording import RecordingSet
+from truing.recording_writer import replace_file
+from truing.report import save_report, whole_fits
+from truing.run_view import view_run
+
+
+def save_identification(
+    recordings: RecordingSet,
+    result: Identification,
+    folder: str | Path,
+    progress: Callable[[float], None] | None = None,
+) -> list[Path]:
+    """Write report.html, identification.json, steps.csv, first_order.csv and a PNG of each run.
+
+    Returns
+    -------
+    The files that were written, the report first.
+    """
+    folder = Path(folder)
+    written = [save_report(recordings, result, folder / "report.html")]
+    texts = {
+        "identification.json": json.dumps(result.to_json(), indent=2, allow_nan=False) + "\n",
+        "steps.csv": steps_csv(result),
+        "first_order.csv": fits_csv(result),
+    }
+    for name, text in texts.items():
+        if text:
+            replace_file(folder / name, text.encode("utf-8"))
+            written.append(folder / name)
+    for number, run in enumerate(recordings, start=1):
+        view = view_run(run, recordings.baseline, whole_fits(result))
+        written.append(save_png(view, folder / f"{run.name}.png"))
+        if progress is not None:
+            progress(number / len(recordings))
+    return written
