@@ -19,6 +19,9 @@
 
 enum { EFFORT_FULL_E4 = 10000, PIN_FUNCTION_TIM1 = 1, FIRST_PIN = 8, CHANNELS = 4 };
 
+/* MODER's two bits for each of the four pins, PA8 to PA11. */
+enum { ALL_TO_PERIPHERAL = 0xAA };
+
 /* Timer counts in one PWM period. A compare value this large is never reached: the output stays high. */
 static uint32_t period;
 
@@ -61,8 +64,10 @@ void motors_start(uint32_t timer_hz)
     TIM1->egr = TIM_EGR_UG;
     TIM1->cr1 = TIM_CR1_ARPE | TIM_CR1_CEN;
     for (uint32_t channel = 0; channel < CHANNELS; channel++) {
-        pin_to_peripheral(GPIOA, FIRST_PIN + channel, PIN_FUNCTION_TIM1, PULL_NONE);
+        pin_prepare(GPIOA, FIRST_PIN + channel, PIN_FUNCTION_TIM1, PULL_NONE);
     }
+    /* All four at once: a bridge with one input high and the other still floating low would drive. */
+    pin_field(&GPIOA->moder, FIRST_PIN / CHANNELS, 2 * CHANNELS, ALL_TO_PERIPHERAL);
     TIM1->bdtr = TIM_BDTR_OSSI | TIM_BDTR_MOE;
 }
 

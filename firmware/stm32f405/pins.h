@@ -13,12 +13,19 @@ static inline void pin_field(reg32 *reg, uint32_t index, uint32_t width, uint32_
     *reg = (*reg & ~mask) | (value << (index * width));
 }
 
-/* Hands a pin to a peripheral, push-pull at medium speed (25 MHz, below which 20 kHz and 921600 baud lie). */
-static inline void pin_to_peripheral(struct gpio *port, uint32_t pin, uint32_t function, enum pin_pull pull)
+/* Chooses the peripheral that may have a pin, push-pull at medium speed (25 MHz: 20 kHz and 921600 baud lie
+ * far below). The pin goes over to it with its mode. */
+static inline void pin_prepare(struct gpio *port, uint32_t pin, uint32_t function, enum pin_pull pull)
 {
     pin_field(&port->pupdr, pin, 2, (uint32_t)pull);
     pin_field(&port->ospeedr, pin, 2, 1);
     pin_field(&port->afr[pin / 8u], pin % 8u, 4, function);
+}
+
+/* Hands a pin to a peripheral. */
+static inline void pin_to_peripheral(struct gpio *port, uint32_t pin, uint32_t function, enum pin_pull pull)
+{
+    pin_prepare(port, pin, function, pull);
     pin_field(&port->moder, pin, 2, 2);
 }
 
