@@ -44,7 +44,7 @@ class Image:
 
         Raises
         ------
-        ElfError : the file cannot be read or is not a 32-bit little-endian ARM ELF file with something to load.
+        ElfError : the file cannot be read, or is no 32-bit little-endian ARM ELF file with something to load.
         """
         try:
             data = path.read_bytes()

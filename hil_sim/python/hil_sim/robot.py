@@ -130,7 +130,8 @@ class VirtualRobot:
             raise VirtualRobotError("the CPU engine of the virtual board does not start")
         self._board: int = self._library.rig_board(self._rig)
         for address, content in self.image.segments:
-            if address not in _FLASH or not self._library.rig_flash(self._rig, address, content, len(content)):
+            fits = address in _FLASH
+            if not (fits and self._library.rig_flash(self._rig, address, content, len(content))):
                 raise VirtualRobotError(f"{image} wants to be loaded to 0x{address:08X}, which is not flash")
         self._library.rig_power(self._rig, True)
 
@@ -238,7 +239,7 @@ class VirtualRobot:
 
     def warnings(self) -> list[BoardWarning]:
         """Return what the board found odd so far, each oddity once."""
-        found = []
+        found: list[BoardWarning] = []
         hits = ctypes.c_uint64()
         while (text := self._library.board_warning(self._board, len(found), ctypes.byref(hits))) is not None:
             found.append(BoardWarning(text.decode(), hits.value))
