@@ -123,12 +123,12 @@ class App:
             click.echo(json.dumps(value, indent=2, sort_keys=False, default=_plain, allow_nan=False))
 
     @contextmanager
-    def progress(self, label: str) -> Iterator[Progress]:
+    def progress(self, label: str, *, shown: bool = True) -> Iterator[Progress]:
         """Show a bar on standard error; yields a function that takes the share done, 0 to 1."""
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
         columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-        with Progress(*columns, console=self.err, disable=not self.err.is_terminal) as bar:
+        with Progress(*columns, console=self.err, disable=not (shown and self.err.is_terminal)) as bar:
             task = bar.add_task(label, total=1.0)
 
             def update(share: float) -> None:

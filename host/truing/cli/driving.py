@@ -13,6 +13,7 @@ from truing.cli.app import App
 if TYPE_CHECKING:
     from truing.board_state import Parameter
     from truing.device import Device
+    from truing.drive import Interrupts
     from truing.plan import Plan
     from truing.recording import Run
     from truing.run_saver import FetchedLog
@@ -75,17 +76,22 @@ def drive_on(
     plan: Plan,
     folder: Path | None,
     label: str,
-    interrupts: Any,
+    interrupts: Interrupts,
+    *,
+    quiet: bool = False,
 ) -> SavedRun:
-    """Drive a plan on a board that is open, fetch its log, add it to a set."""
+    """Drive a plan on a board that is open, fetch its log, add it to a set.
+
+    `quiet` leaves the progress to a caller who drives several plans.
+    """
     from truing.drive import drive
     from truing.run_saver import baseline_text, fetch_log, run_of, save_run
     from truing.workspace import recording_folder
 
-    with app.progress("driving") as progress:
+    with app.progress("driving", shown=not quiet) as progress:
         driven = drive(device, plan, interrupts=interrupts, progress=progress, say=app.note)
     device.client.interrupted = lambda: interrupts.requested
-    with app.progress("fetching") as progress:
+    with app.progress("fetching", shown=not quiet) as progress:
         fetched = fetch_log(device, driven.log_id, progress)
     seed = app.seed if app.is_virtual else None
     run = run_of(device, fetched, label, parameters=parameters, plan=plan, seed=seed)
