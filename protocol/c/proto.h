@@ -14,7 +14,7 @@
 #define PROTO_LOG_BLOCK_SIZE 512u
 #define PROTO_LOG_BLOCK_COUNT 160u
 #define PROTO_LOG_RECORD_VERSION 1u
-#define PROTO_SCHEMA_HASH 0x8eb8c8b2u
+#define PROTO_SCHEMA_HASH 0x27590c94u
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
@@ -27,16 +27,16 @@ enum proto_id {
     PROTO_ID_SEQ_BEGIN = 0x20, /* start an upload; the sequence held before is forgotten */
     PROTO_ID_SEQ_SEGMENTS = 0x21, /* the next segments, in order */
     PROTO_ID_SEQ_COMMIT = 0x22, /* all segments are there: CRC-32 over their packed bytes, in order */
-    PROTO_ID_SEQ_START = 0x23, /* run the committed sequence; odometry goes to zero and a log opens */
+    PROTO_ID_SEQ_START = 0x23, /* run the committed sequence; a log opens, and odometry goes to zero with it */
     PROTO_ID_SEQ_ABORT = 0x24, /* brake both wheels and end the sequence; also forgets an upload in progress */
     PROTO_ID_SEQ_STATE = 0x25, /* where the sequence is */
     PROTO_ID_LOG_LIST = 0x30, /* the logs in the ring, oldest first */
     PROTO_ID_LOG_READ = 0x31, /* bytes of sealed blocks, by absolute offset */
     PROTO_ID_LOG_DIGEST = 0x32, /* CRC-32 over sealed bytes */
     PROTO_ID_LOG_ERASE = 0x33, /* forget all logs; offsets go on counting */
-    PROTO_ID_SET_EFFORT = 0x40, /* drive the wheels with a share of the supply, until the host falls silent */
-    PROTO_ID_SET_VELOCITY = 0x41, /* hold wheel speeds, until the host falls silent */
-    PROTO_ID_STOP = 0x42, /* brake both wheels now, in any state; ends a sequence */
+    PROTO_ID_SET_EFFORT = 0x40, /* drive the wheels with a share of the supply, until the host falls silent; a log opens with the first such command, and odometry goes to zero */
+    PROTO_ID_SET_VELOCITY = 0x41, /* hold wheel speeds, until the host falls silent; log and odometry as with set_effort */
+    PROTO_ID_STOP = 0x42, /* brake both wheels now, in any state; ends a sequence; carried out each time it arrives */
     PROTO_ID_REFUSAL = 0xff,
 };
 #define PROTO_REPLY_BIT 0x80u
@@ -127,7 +127,7 @@ const char *proto_parameter_kind_name(unsigned value); /* "?" for a value that i
 enum proto_refusal_reason {
     PROTO_REFUSAL_REASON_UNKNOWN_REQUEST = 1, /* no request has this id; `detail` is the id */
     PROTO_REFUSAL_REASON_BAD_LENGTH = 2, /* the payload is shorter or longer than this request's; `detail` is its length */
-    PROTO_REFUSAL_REASON_NOT_FINITE = 3, /* a number is NaN or infinite; `detail` is the field's position, counted from 0 */
+    PROTO_REFUSAL_REASON_NOT_FINITE = 3, /* a number is NaN or infinite; `detail` is the field's position, counted from 0 (in seq_segments: the segment's index) */
     PROTO_REFUSAL_REASON_OUT_OF_RANGE = 4, /* a number lies outside its limits; `detail` is the field's position, counted from 0 (in seq_segments: the segment's index) */
     PROTO_REFUSAL_REASON_WRONG_STATE = 5, /* not possible in this state; `detail` is the state */
     PROTO_REFUSAL_REASON_FAULT_LATCHED = 6, /* a fault is latched; `detail` holds the latched faults' bits; clear_faults first */
@@ -137,7 +137,7 @@ enum proto_refusal_reason {
     PROTO_REFUSAL_REASON_SEQUENCE_GAP = 10, /* segments must follow one another; `detail` is the index expected */
     PROTO_REFUSAL_REASON_SEQUENCE_INCOMPLETE = 11, /* commit before all segments arrived; `detail` is the number received */
     PROTO_REFUSAL_REASON_SEQUENCE_BAD_CRC = 12, /* the segments received do not have the CRC that was committed; `detail` is the CRC found */
-    PROTO_REFUSAL_REASON_SEQUENCE_EMPTY = 13, /* there is no committed sequence to start */
+    PROTO_REFUSAL_REASON_SEQUENCE_EMPTY = 13, /* no upload is under way, or there is no committed sequence to start; `detail` is the sequence_state */
     PROTO_REFUSAL_REASON_UNKNOWN_SEGMENT_KIND = 14, /* a segment's kind is none of segment_kind; `detail` is the segment's index */
     PROTO_REFUSAL_REASON_LOG_GONE = 15, /* the log's ring has overwritten this offset; `detail` is the oldest offset left */
     PROTO_REFUSAL_REASON_LOG_BEYOND_END = 16, /* nothing is sealed at this offset yet; `detail` is the end offset */
@@ -320,7 +320,7 @@ size_t proto_seq_commit_reply_encode(const struct proto_seq_commit_reply *from, 
 bool proto_seq_commit_reply_decode(struct proto_seq_commit_reply *to, const uint8_t *in, size_t length);
 
 #define PROTO_SEQ_START_REQUEST_SIZE 4u
-/* run the committed sequence; odometry goes to zero and a log opens */
+/* run the committed sequence; a log opens, and odometry goes to zero with it */
 struct proto_seq_start_request {
     uint32_t crc32; /* of the sequence meant */
 };
@@ -328,7 +328,7 @@ size_t proto_seq_start_request_encode(const struct proto_seq_start_request *from
 bool proto_seq_start_request_decode(struct proto_seq_start_request *to, const uint8_t *in, size_t length);
 
 #define PROTO_SEQ_START_REPLY_SIZE 2u
-/* reply: run the committed sequence; odometry goes to zero and a log opens */
+/* reply: run the committed sequence; a log opens, and odometry goes to zero with it */
 struct proto_seq_start_reply {
     uint16_t log_id; /* the log of this run */
 };
@@ -409,7 +409,7 @@ size_t proto_log_digest_reply_encode(const struct proto_log_digest_reply *from, 
 bool proto_log_digest_reply_decode(struct proto_log_digest_reply *to, const uint8_t *in, size_t length);
 
 #define PROTO_SET_EFFORT_REQUEST_SIZE 8u
-/* drive the wheels with a share of the supply, until the host falls silent */
+/* drive the wheels with a share of the supply, until the host falls silent; a log opens with the first such command, and odometry goes to zero */
 struct proto_set_effort_request {
     float left; /* -1..1, within effort_limit */
     float right; /* -1..1, within effort_limit */
@@ -418,7 +418,7 @@ size_t proto_set_effort_request_encode(const struct proto_set_effort_request *fr
 bool proto_set_effort_request_decode(struct proto_set_effort_request *to, const uint8_t *in, size_t length);
 
 #define PROTO_SET_VELOCITY_REQUEST_SIZE 8u
-/* hold wheel speeds, until the host falls silent */
+/* hold wheel speeds, until the host falls silent; log and odometry as with set_effort */
 struct proto_set_velocity_request {
     float left; /* m/s, within speed_limit_mps */
     float right; /* m/s, within speed_limit_mps */

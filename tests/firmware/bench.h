@@ -49,7 +49,7 @@ static inline void bench_power_up(void)
     hal_host_init(&bench.board);
     hal_host_select(&bench.board);
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
-        bench.motor[wheel] = (struct bench_motor){.gain_mps = 1.5, .time_constant_s = 0.3, .friction = 0.02};
+        bench.motor[wheel] = (struct bench_motor){.gain_mps = 1.5, .time_constant_s = 0.33, .friction = 0.02};
     }
     bench.motors_turn = true;
     controller_init(&bench.controller);

@@ -86,7 +86,7 @@ class RefusalReason(IntEnum):
 
     UNKNOWN_REQUEST = 1  # no request has this id; `detail` is the id
     BAD_LENGTH = 2  # the payload is shorter or longer than this request's; `detail` is its length
-    NOT_FINITE = 3  # a number is NaN or infinite; `detail` is the field's position, counted from 0
+    NOT_FINITE = 3  # a number is NaN or infinite; `detail` is the field's position, counted from 0 (in seq_segments: the segment's index)
     OUT_OF_RANGE = 4  # a number lies outside its limits; `detail` is the field's position, counted from 0 (in seq_segments: the segment's index)
     WRONG_STATE = 5  # not possible in this state; `detail` is the state
     FAULT_LATCHED = 6  # a fault is latched; `detail` holds the latched faults' bits; clear_faults first
@@ -96,7 +96,7 @@ class RefusalReason(IntEnum):
     SEQUENCE_GAP = 10  # segments must follow one another; `detail` is the index expected
     SEQUENCE_INCOMPLETE = 11  # commit before all segments arrived; `detail` is the number received
     SEQUENCE_BAD_CRC = 12  # the segments received do not have the CRC that was committed; `detail` is the CRC found
-    SEQUENCE_EMPTY = 13  # there is no committed sequence to start
+    SEQUENCE_EMPTY = 13  # no upload is under way, or there is no committed sequence to start; `detail` is the sequence_state
     UNKNOWN_SEGMENT_KIND = 14  # a segment's kind is none of segment_kind; `detail` is the segment's index
     LOG_GONE = 15  # the log's ring has overwritten this offset; `detail` is the oldest offset left
     LOG_BEYOND_END = 16  # nothing is sealed at this offset yet; `detail` is the end offset
@@ -106,7 +106,7 @@ class RefusalReason(IntEnum):
 REFUSAL_MEANING: dict[int, str] = {
     RefusalReason.UNKNOWN_REQUEST: "no request has this id; `detail` is the id",
     RefusalReason.BAD_LENGTH: "the payload is shorter or longer than this request's; `detail` is its length",
-    RefusalReason.NOT_FINITE: "a number is NaN or infinite; `detail` is the field's position, counted from 0",
+    RefusalReason.NOT_FINITE: "a number is NaN or infinite; `detail` is the field's position, counted from 0 (in seq_segments: the segment's index)",
     RefusalReason.OUT_OF_RANGE: "a number lies outside its limits; `detail` is the field's position, counted from 0 (in seq_segments: the segment's index)",
     RefusalReason.WRONG_STATE: "not possible in this state; `detail` is the state",
     RefusalReason.FAULT_LATCHED: "a fault is latched; `detail` holds the latched faults' bits; clear_faults first",
@@ -116,7 +116,7 @@ REFUSAL_MEANING: dict[int, str] = {
     RefusalReason.SEQUENCE_GAP: "segments must follow one another; `detail` is the index expected",
     RefusalReason.SEQUENCE_INCOMPLETE: "commit before all segments arrived; `detail` is the number received",
     RefusalReason.SEQUENCE_BAD_CRC: "the segments received do not have the CRC that was committed; `detail` is the CRC found",
-    RefusalReason.SEQUENCE_EMPTY: "there is no committed sequence to start",
+    RefusalReason.SEQUENCE_EMPTY: "no upload is under way, or there is no committed sequence to start; `detail` is the sequence_state",
     RefusalReason.UNKNOWN_SEGMENT_KIND: "a segment's kind is none of segment_kind; `detail` is the segment's index",
     RefusalReason.LOG_GONE: "the log's ring has overwritten this offset; `detail` is the oldest offset left",
     RefusalReason.LOG_BEYOND_END: "nothing is sealed at this offset yet; `detail` is the end offset",

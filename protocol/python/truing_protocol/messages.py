@@ -633,7 +633,7 @@ _SEQ_START_REPLY = struct.Struct("<H")
 
 @dataclass(frozen=True, slots=True)
 class SeqStartReply:
-    """Reply: run the committed sequence; odometry goes to zero and a log opens."""
+    """Reply: run the committed sequence; a log opens, and odometry goes to zero with it."""
 
     SIZE: ClassVar[int] = 2
 
@@ -656,7 +656,7 @@ _SEQ_START_REQUEST = struct.Struct("<I")
 
 @dataclass(frozen=True, slots=True)
 class SeqStartRequest:
-    """Run the committed sequence; odometry goes to zero and a log opens."""
+    """Run the committed sequence; a log opens, and odometry goes to zero with it."""
 
     SIZE: ClassVar[int] = 4
     ID: ClassVar[int] = 0x23
@@ -985,7 +985,7 @@ _SET_EFFORT_REQUEST = struct.Struct("<ff")
 
 @dataclass(frozen=True, slots=True)
 class SetEffortRequest:
-    """Drive the wheels with a share of the supply, until the host falls silent."""
+    """Drive the wheels with a share of the supply, until the host falls silent; a log opens with the first such command, and odometry goes to zero."""
 
     SIZE: ClassVar[int] = 8
     ID: ClassVar[int] = 0x40
@@ -1017,7 +1017,7 @@ _SET_VELOCITY_REQUEST = struct.Struct("<ff")
 
 @dataclass(frozen=True, slots=True)
 class SetVelocityRequest:
-    """Hold wheel speeds, until the host falls silent."""
+    """Hold wheel speeds, until the host falls silent; log and odometry as with set_effort."""
 
     SIZE: ClassVar[int] = 8
     ID: ClassVar[int] = 0x41
@@ -1049,7 +1049,7 @@ _STOP_REQUEST = struct.Struct("<")
 
 @dataclass(frozen=True, slots=True)
 class StopRequest:
-    """Brake both wheels now, in any state; ends a sequence."""
+    """Brake both wheels now, in any state; ends a sequence; carried out each time it arrives."""
 
     SIZE: ClassVar[int] = 0
     ID: ClassVar[int] = 0x42

@@ -18,7 +18,7 @@ MAX_SEGMENTS: Final = 256
 LOG_BLOCK_SIZE: Final = 512
 LOG_BLOCK_COUNT: Final = 160
 LOG_RECORD_VERSION: Final = 1
-SCHEMA_HASH: Final = 0x8eb8c8b2
+SCHEMA_HASH: Final = 0x27590c94
 REFUSAL_ID: Final = 0xff
 REPLY_BIT: Final = 0x80
 
@@ -64,14 +64,14 @@ PARAMETERS: Final[tuple[ParameterInfo, ...]] = (
     ParameterInfo(8, "effort_slew_per_s", "effort/s", ParameterKind.REAL, 0.1, 1000.0, 50.0, "velocity mode: fastest change of effort"),
     ParameterInfo(9, "speed_limit_mps", "m/s", ParameterKind.REAL, 0.0, 10.0, 1.5, "largest wheel speed that a command may ask for"),
     ParameterInfo(10, "accel_limit_mps2", "m/s^2", ParameterKind.REAL, 0.05, 100.0, 3.0, "velocity mode: fastest change of the speed that is tracked"),
-    ParameterInfo(11, "velocity_kp", "effort*s/m", ParameterKind.REAL, 0.0, 100.0, 1.0, "velocity mode: proportional gain"),
-    ParameterInfo(12, "velocity_ki", "effort/m", ParameterKind.REAL, 0.0, 1000.0, 4.0, "velocity mode: integral gain"),
+    ParameterInfo(11, "velocity_kp", "effort*s/m", ParameterKind.REAL, 0.0, 100.0, 2.0, "velocity mode: proportional gain"),
+    ParameterInfo(12, "velocity_ki", "effort/m", ParameterKind.REAL, 0.0, 1000.0, 6.0, "velocity mode: integral gain"),
     ParameterInfo(13, "ff_ks_left", "effort", ParameterKind.REAL, 0.0, 1.0, 0.02, "feedforward against dry friction, left"),
     ParameterInfo(14, "ff_ks_right", "effort", ParameterKind.REAL, 0.0, 1.0, 0.02, "feedforward against dry friction, right"),
     ParameterInfo(15, "ff_kv_left", "effort*s/m", ParameterKind.REAL, 0.0, 100.0, 0.66, "feedforward per speed, left"),
     ParameterInfo(16, "ff_kv_right", "effort*s/m", ParameterKind.REAL, 0.0, 100.0, 0.66, "feedforward per speed, right"),
-    ParameterInfo(17, "ff_ka_left", "effort*s^2/m", ParameterKind.REAL, 0.0, 100.0, 0.2, "feedforward per acceleration, left"),
-    ParameterInfo(18, "ff_ka_right", "effort*s^2/m", ParameterKind.REAL, 0.0, 100.0, 0.2, "feedforward per acceleration, right"),
+    ParameterInfo(17, "ff_ka_left", "effort*s^2/m", ParameterKind.REAL, 0.0, 100.0, 0.22, "feedforward per acceleration, left"),
+    ParameterInfo(18, "ff_ka_right", "effort*s^2/m", ParameterKind.REAL, 0.0, 100.0, 0.22, "feedforward per acceleration, right"),
     ParameterInfo(19, "command_timeout_s", "s", ParameterKind.REAL, 0.05, 10.0, 0.5, "silence after which a host-driven robot stops, latched"),
     ParameterInfo(20, "log_rate_hz", "Hz", ParameterKind.INTEGER, 1.0, 200.0, 20.0, "samples per second of the log"),
     ParameterInfo(21, "battery_low_v", "V", ParameterKind.REAL, 0.0, 60.0, 9.0, "supply below which the wheels stop"),
