@@ -117,8 +117,8 @@ int main(void)
     pin_to_output(GPIOC, LED_PIN);
     led_half_period_ms = clock.source == CLOCK_CRYSTAL_PLL ? LED_MS : LED_FALLBACK_MS;
     identity_start(&clock);
-    usart_link_start(clock.apb1_hz);
     controller_init(&controller);
+    usart_link_start(clock.apb1_hz); /* late, or what arrives before interrupts are on would overrun */
     start_tick(clock.core_hz);
     cpu_interrupts_on();
 
