@@ -7,6 +7,7 @@ delay is a shift of the finely sampled command.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,9 @@ class Truth:
     recorder_lag: float = 0.0
 
 
-def staircase(seed: int, duration_s: float = 15.0, hold_s: tuple[float, float] = (0.6, 2.0)) -> list[tuple[float, float]]:
+def staircase(
+    seed: int, duration_s: float = 15.0, hold_s: tuple[float, float] = (0.6, 2.0)
+) -> list[tuple[float, float]]:
     """A command of levels: (start in s, effort), with rests, reversals and small levels."""
     rng = np.random.default_rng(seed)
     steps, t = [(0.0, 0.0)], 0.5
@@ -75,7 +78,8 @@ def record(
     v, d = 0.0, 0.0
     for k in range(n):
         d = keep * d + kicks[k]
-        gain = truth.gain if (v > 0.0 or (v == 0.0 and delayed[k] >= 0.0)) else truth.gain * truth.reverse_gain
+        forward = v > 0.0 or (v == 0.0 and delayed[k] >= 0.0)
+        gain = truth.gain if forward else truth.gain * truth.reverse_gain
         free = v + fine_s / truth.tau * (gain * (delayed[k] + d) - v)
         hold = fine_s / truth.tau * gain * (truth.breakaway if v == 0.0 else truth.friction)
         v_new = np.sign(free) * max(abs(free) - hold, 0.0)
@@ -103,10 +107,9 @@ def record(
 
 def baseline(counts_per_rev: float = 2400.0) -> Baseline:
     """Geometry for `record`; its wheels' numbers are of no use."""
-    from pathlib import Path
-
     wheel = WheelModel(1.0, 0.1)
-    return Baseline(Path("baseline.toml"), wheel, wheel, RobotGeometry("synthetic", RADIUS_M, 0.283, counts_per_rev))
+    robot = RobotGeometry("synthetic", RADIUS_M, 0.283, counts_per_rev)
+    return Baseline(Path("baseline.toml"), wheel, wheel, robot)
 
 
 def _level(steps: list[tuple[float, float]], time: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,7 +79,7 @@ class WheelSignal:
         whole = self.excitation
         rows, starts, intervals, run_of_row = [], [0], [], []
         for new, old in enumerate(keep):
-            for k, (a, b) in enumerate(zip(whole.starts[:-1], whole.starts[1:], strict=True)):
+            for k, (a, b) in enumerate(pairwise(whole.starts)):
                 if self.run_of_row[a] == old:
                     rows.append(np.arange(a, b))
                     run_of_row.append(np.full(b - a, new))
@@ -131,7 +132,7 @@ def wheel_signal(runs: Sequence[Run], wheel: Wheel, baseline: Baseline | None = 
         cuts = np.flatnonzero(after_gap[keep])
         columns = [column[keep] for column in (run.t_s, run.effort(wheel), supply, speed.values)]
         bounds = [0, *cuts.tolist(), int(keep.sum())]
-        for a, b in zip(bounds[:-1], bounds[1:], strict=True):
+        for a, b in pairwise(bounds):
             if b - a < MINIMUM_SEGMENT_ROWS:
                 continue  # too short to hold an initial state and anything else
             pieces.append((columns[0][a:b], columns[1][a:b], columns[2][a:b], columns[3][a:b]))

@@ -58,7 +58,7 @@ class Structure:
                 raise IdentifyError(f"{name!r} is not a parameter that a fit can set free")
 
     def plus(self, name: str, *more: str) -> Structure:
-        """This structure with more parameters free."""
+        """The same structure with more parameters free."""
         return Structure(name, (*self.free, *(item for item in more if item not in self.free)))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -75,7 +76,7 @@ def excitation(
     efforts: list[FloatArray] = []
     supplies: list[FloatArray] = []
     piece_starts = [0]
-    for a, b in zip(starts[:-1], starts[1:], strict=True):
+    for a, b in pairwise(starts):
         t, u, s = t_s[a:b], effort[a:b], supply[a:b]
         rows = _rows_with_edge(u)
         before, after = u[rows - 1], u[rows + 1]
