@@ -5,18 +5,29 @@
 #include "trig.h"
 
 static const float pi = 3.14159265358979f;
-static const float q40 = 1099511627776.0f; /* 2^40 */
-static const float q32 = 4294967296.0f;    /* 2^32 */
+static const float q24 = 16777216.0f;   /* 2^24 */
+static const float q16 = 65536.0f;      /* 2^16 */
+static const float q32 = 4294967296.0f; /* 2^32 */
 
 /* A tick's travel beyond this (400 m/s) is no wheel's; the bound keeps the step inside its integer. */
 static const float longest_step_m = 0.4f;
+
+/* value * 2^40 for 0 <= value < 128, in two exact halves: a cast from float to 64 bits would bring in a
+ * library of double precision. */
+static int64_t to_q40(float value)
+{
+    const float scaled = value * q24;
+    const int32_t high = (int32_t)scaled;
+    const int32_t low = (int32_t)((scaled - (float)high) * q16);
+    return (int64_t)high * 65536 + low;
+}
 
 struct odometry_geometry odometry_geometry(float wheel_radius_m, float wheelbase_m, float counts_per_rev)
 {
     const struct odometry_geometry geometry = {
         .half_metres_per_count = pi * wheel_radius_m / counts_per_rev,
         /* (2 pi r / n) / W radians is r / (n W) turns. */
-        .turn_q40_per_count = (int64_t)(wheel_radius_m / (counts_per_rev * wheelbase_m) * q40),
+        .turn_q40_per_count = to_q40(wheel_radius_m / (counts_per_rev * wheelbase_m)),
     };
     return geometry;
 }
@@ -34,8 +45,9 @@ void odometry_step(struct odometry *odometry, const struct odometry_geometry *ge
         float sine;
         float cosine;
         trig_sine_cosine(midpoint, &sine, &cosine);
+        const float counts = (float)saturate_i32(sum);
         const float step_m =
-            clampf((float)sum * geometry->half_metres_per_count, -longest_step_m, longest_step_m);
+            clampf(counts * geometry->half_metres_per_count, -longest_step_m, longest_step_m);
         odometry->x_q32 += round_to_i32(step_m * cosine * q32);
         odometry->y_q32 += round_to_i32(step_m * sine * q32);
     }
