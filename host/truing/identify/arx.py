@@ -80,12 +80,12 @@ def fit_arx_signal(
     history = max(*alphas, *(order - 1 for order in betas), 1)
     even = even_signal(signal, 2 * history + 4)
     orders = [(a, b) for a in alphas for b in betas]
-    held_out = {order: _held_out(even, order, history) for order in orders}
+    held_out = _held_out(even, orders, history)
     scores = [(held_out[order][1].rms_mps, sum(order)) for order in orders]
     chosen = orders[simplest_good(scores)]
 
     runs = sorted({stretch.run for stretch in even.stretches})
-    model = least_squares(even.stretches, chosen, history, even.interval_s)
+    model = least_squares(_triangles(even.stretches, history), chosen, even.interval_s)
     one_step, free_run = _errors(model, even.stretches, history, runs)
     names = tuple(even.names[run] for run in runs)
     return ArxFit(
@@ -98,49 +98,78 @@ def fit_arx_signal(
     )
 
 
-def least_squares(
-    stretches: Sequence[EvenStretch], order: tuple[int, int], history: int, interval_s: float
-) -> ArxModel:
-    """Equation (37) for one or more stretches; every run counts the same.
+@dataclass(frozen=True, slots=True)
+class _Triangle:
+    """The regression of one run, reduced to a triangle: all that least squares needs of it.
 
-    The stacked regression of (34) and (35) is solved by orthogonal decomposition, which gives the
-    numbers of (37) without squaring the condition of the regressors.
-
-    Parameters
+    Attributes
     ----------
-    history : first rows of every stretch that no equation is written for (the same for all orders,
-        so that orders are compared on the same rows).
+    factor : shape (columns, columns), columns v(t-1).., u(t), u(t-1).., and the target v(t) last.
+    lags : how many columns hold past speeds.
+    """
+
+    factor: FloatArray
+    lags: int
+
+
+def _triangles(stretches: Sequence[EvenStretch], history: int) -> list[_Triangle]:
+    """Equations (34) and (35) of every run for the largest orders, each reduced by QR.
+
+    The first `history` rows of a stretch get no equation, whatever the order, so that orders are
+    compared on the same rows. Every run counts the same.
+    """
+    lags = history
+    by_run: dict[int, list[FloatArray]] = {}
+    for stretch in stretches:
+        n = len(stretch.speed)
+        columns = [stretch.speed[history - i : n - i] for i in range(1, lags + 1)]
+        columns += [stretch.effort[history - j : n - j] for j in range(history + 1)]
+        columns.append(stretch.speed[history:])
+        by_run.setdefault(stretch.run, []).append(np.column_stack(columns))
+    triangles = []
+    for blocks in by_run.values():
+        block = np.concatenate(blocks)
+        factor = np.asarray(np.linalg.qr(block / np.sqrt(len(block)), mode="r"))
+        triangles.append(_Triangle(factor, lags))
+    return triangles
+
+
+def least_squares(triangles: Sequence[_Triangle], order: tuple[int, int], interval_s: float) -> ArxModel:
+    """Equation (37) for these runs.
+
+    The regression is solved by orthogonal decomposition, which gives the numbers of (37) without
+    squaring the condition of the regressors.
     """
     alpha, beta = order
-    rows_of_run: dict[int, int] = {}
-    for stretch in stretches:
-        rows_of_run[stretch.run] = rows_of_run.get(stretch.run, 0) + len(stretch.speed) - history
-    blocks, targets = [], []
-    for stretch in stretches:
-        weight = 1.0 / np.sqrt(rows_of_run[stretch.run])
-        zeta = np.column_stack(
-            [stretch.speed[history - i : len(stretch.speed) - i] for i in range(1, alpha + 1)]
-            + [stretch.effort[history - j : len(stretch.effort) - j] for j in range(beta)]
-        )
-        blocks.append(weight * zeta)
-        targets.append(weight * stretch.speed[history:])
-    eta, *_ = np.linalg.lstsq(np.concatenate(blocks), np.concatenate(targets), rcond=1e-10)
+    lags = triangles[0].lags
+    kept = [*range(alpha), *range(lags, lags + beta)]
+    stacked = np.concatenate([triangle.factor for triangle in triangles])
+    eta, *_ = np.linalg.lstsq(stacked[:, kept], stacked[:, -1], rcond=1e-10)
     return ArxModel(eta[:alpha].copy(), eta[alpha:].copy(), interval_s)
 
 
-def _held_out(even: EvenSignal, order: tuple[int, int], history: int) -> tuple[OneStepError, FreeRunError]:
+def _held_out(
+    even: EvenSignal, orders: Sequence[tuple[int, int]], history: int
+) -> dict[tuple[int, int], tuple[OneStepError, FreeRunError]]:
+    """Both errors of every order on runs that its model never saw."""
     runs = sorted({stretch.run for stretch in even.stretches})
-    one_step, free_run = np.zeros(len(runs)), np.zeros(len(runs))
+    one_step = {order: np.zeros(len(runs)) for order in orders}
+    free_run = {order: np.zeros(len(runs)) for order in orders}
     for fold in folds(even):
-        model = least_squares(fold.fitted, order, history, even.interval_s)
+        triangles = _triangles(fold.fitted, history)
         judged = sorted({stretch.run for stretch in fold.judged})
         places = [runs.index(run) for run in judged]
-        one_step[places], free_run[places] = _errors(model, fold.judged, history, judged)
+        for order in orders:
+            model = least_squares(triangles, order, even.interval_s)
+            one_step[order][places], free_run[order][places] = _errors(model, fold.judged, history, judged)
     names = tuple(even.names[run] for run in runs)
-    return (
-        one_step_error(names, one_step, held_out=True),
-        free_run_error(names, free_run, even.scale_mps, held_out=True),
-    )
+    return {
+        order: (
+            one_step_error(names, one_step[order], held_out=True),
+            free_run_error(names, free_run[order], even.scale_mps, held_out=True),
+        )
+        for order in orders
+    }
 
 
 def _errors(

@@ -17,7 +17,7 @@ from truing.identify.quantity import Quantity
 from truing.identify.signals import WheelSignal, wheel_signal
 from truing.identify.structures import DELAY, FREEDOMS, Structure
 from truing.identify.structures import structure as structure_named
-from truing.identify.uncertainty import covariance
+from truing.identify.uncertainty import half_widths
 from truing.model.kernel import FloatArray
 from truing.model.wheel import PHYSICS_FIELDS, WheelPhysics, simulate_physics
 from truing.recording import Run, Wheel
@@ -36,6 +36,9 @@ UNITS: dict[str, str] = {
     "recorder_window_s": "s",
 }
 RATIO = "ratio"
+MANY_RUNS = 6
+# Rows that are averaged before the residual's memory is modelled, as a share of the time constant.
+BLOCK_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +98,7 @@ def fit_wheel(
     signal = wheel_signal(runs, side, baseline)
     fit = fit_structure(signal, structure)
     by_run = signal.rms_by_run(fit.predicted_mps - signal.speed_mps)
-    held_out = leave_one_run_out(signal, structure) if hold_out and signal.runs > 1 else None
+    held_out = leave_one_run_out(signal, structure, fit) if hold_out and signal.runs > 1 else None
     parameters, notes = _quantities(signal, fit)
     return WheelFit(
         side,
@@ -119,16 +122,27 @@ def fit_structure(signal: WheelSignal, structure: Structure) -> PhysicsFit:
     return fit_nested(signal, structure, simple)
 
 
-def leave_one_run_out(signal: WheelSignal, structure: Structure) -> FreeRunError:
+def leave_one_run_out(
+    signal: WheelSignal, structure: Structure, whole: PhysicsFit | None = None
+) -> FreeRunError:
     """Free-run error of every run under the model fitted to the others.
 
     The left-out run gives its efforts and the speed of its first rows, nothing else.
+
+    Parameters
+    ----------
+    whole : the fit to all runs. With more than six runs the searches start from it instead of from
+        the grid: one run among many does not decide which valley the minimum lies in.
     """
     if signal.runs < 2:
         raise IdentifyError("leaving one run out needs two runs or more")
     by_run = np.zeros(signal.runs)
     for index in range(signal.runs):
-        fit = fit_structure(signal.select([k for k in range(signal.runs) if k != index]), structure)
+        others = signal.select([k for k in range(signal.runs) if k != index])
+        if whole is not None and signal.runs > MANY_RUNS:
+            fit = fit_physics(others, structure, start=whole.physics, base=whole.physics)
+        else:
+            fit = fit_structure(others, structure)
         left_out = signal.select([index])
         predicted = simulate_signal(fit.physics, left_out)
         by_run[index] = left_out.rms_by_run(predicted - left_out.speed_mps)[0]
@@ -151,9 +165,9 @@ def _quantities(signal: WheelSignal, fit: PhysicsFit) -> tuple[dict[str, Quantit
     residual = fit.predicted_mps - signal.speed_mps
     strength = np.sqrt(np.einsum("ij,ij->j", minimum.jacobian, minimum.jacobian))
     told = strength > 1e-9 * max(float(strength.max()), 1e-300)
-    spread = np.zeros((len(told), len(told)))
-    part, factor = covariance(raw[:, told], residual, weights, signal.run_of_row.astype(np.intp))
-    spread[np.ix_(told, told)] = part
+    margins = np.zeros(len(told))
+    block = max(1, round(BLOCK_SHARE * fit.physics.time_constant_s / float(signal.excitation.interval_s[0])))
+    margins[told] = half_widths(raw[:, told], residual, weights, signal.run_of_row.astype(np.intp), block)
 
     values = fit.physics.to_vector()
     parameters: dict[str, Quantity] = {}
@@ -166,7 +180,7 @@ def _quantities(signal: WheelSignal, fit: PhysicsFit) -> tuple[dict[str, Quantit
             parameters[name] = Quantity.unknown(unit, "these runs do not depend on it")
             notes.append(f"{name}: these runs do not depend on it")
             continue
-        margin = factor * math.sqrt(max(float(spread[k, k]), 0.0))
+        margin = float(margins[k])
         if freedom.log:
             low, high = value * math.exp(-min(margin, 50.0)), value * math.exp(min(margin, 50.0))
         else:

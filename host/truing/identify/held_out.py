@@ -12,6 +12,7 @@ from truing.model.kernel import FloatArray
 
 # Of a single run, this share is fitted, and the rest judges.
 FITTED_SHARE = 0.6
+MAXIMUM_FOLDS = 6
 # Among orders whose held-out error lies within this factor of the best, the simplest is taken.
 PARSIMONY = 1.02
 
@@ -24,13 +25,18 @@ class Fold:
     judged: tuple[EvenStretch, ...]
 
 
-def folds(signal: EvenSignal) -> list[Fold]:
-    """Every run left out once; with one run, its end judged by a model of its beginning."""
+def folds(signal: EvenSignal, most: int = MAXIMUM_FOLDS) -> list[Fold]:
+    """Every run left out once; with one run, its end judged by a model of its beginning.
+
+    Up to `most` runs are left out one by one, more of them in that many groups (with six groups:
+    every sixth run together).
+    """
     runs = sorted({stretch.run for stretch in signal.stretches})
     if len(runs) > 1:
+        groups = [runs[k::most] for k in range(min(len(runs), most))]
         return [
-            Fold(signal.select([run for run in runs if run != left_out]), signal.select([left_out]))
-            for left_out in runs
+            Fold(signal.select([run for run in runs if run not in group]), signal.select(group))
+            for group in groups
         ]
     fitted, judged = [], []
     for stretch in signal.stretches:

@@ -28,12 +28,13 @@ from truing.model.kernel import FloatArray
 from truing.model.linear import StateSpaceModel
 from truing.recording import Run, Wheel
 
-MAXIMUM_ORDER = 5
+MAXIMUM_ORDER = 4
 BLOCK_ROWS = 10
 # Rows of a left-out stretch from which its initial state is estimated; they are not judged.
 START_ROWS = 8
 # Steps of the search that follows the subspace estimate.
-REFINEMENTS = 12
+REFINEMENTS = 6
+MAXIMUM_FOLDS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,27 +90,34 @@ def fit_state_space_signal(signal: WheelSignal, side: Wheel, *, order: int | Non
     orders = list(range(1, MAXIMUM_ORDER + 1)) if order is None else [order]
     runs = sorted({stretch.run for stretch in even.stretches})
     names = tuple(even.names[run] for run in runs)
-    divisions = [(fold, *_subspace(fold.fitted)) for fold in folds(even)]
-    ahead = {n: np.zeros(len(runs)) for n in orders}
+    divisions = folds(even, MAXIMUM_FOLDS)
+    models: dict[int, list[StateSpaceModel]] = {n: [] for n in orders}
     free = {n: np.zeros(len(runs)) for n in orders}
-    for fold, basis, _ in divisions:
+    ahead = np.zeros(len(runs))
+    for fold in divisions:
+        basis, _ = _subspace(fold.fitted)
         judged = sorted({stretch.run for stretch in fold.judged})
         places = [runs.index(run) for run in judged]
         for n in orders:
-            model = _realise(basis, n, fold.fitted, even.interval_s)
-            ahead[n][places], free[n][places] = _errors(model, fold.judged, judged)
+            models[n].append(_realise(basis, n, fold.fitted, even.interval_s))
+            free[n][places] = _errors(models[n][-1], fold.judged, judged)[1]
     scores = [(float(np.sqrt(np.mean(free[n] ** 2))), n) for n in orders]
     chosen = orders[simplest_good(scores)]
+    for fold, model in zip(divisions, models[chosen], strict=True):
+        judged = sorted({stretch.run for stretch in fold.judged})
+        predictor = replace(model, k=_innovation_gain(model, fold.fitted))
+        ahead[[runs.index(run) for run in judged]] = _errors(predictor, fold.judged, judged)[0]
 
     basis, singular_values = _subspace(even.stretches)
     model = _realise(basis, chosen, even.stretches, even.interval_s)
+    model = replace(model, k=_innovation_gain(model, even.stretches))
     one_step, free_run = _errors(model, even.stretches, runs)
     return StateSpaceFit(
         side,
         model,
         one_step_error(names, one_step),
         free_run_error(names, free_run, even.scale_mps),
-        one_step_error(names, ahead[chosen], held_out=True),
+        one_step_error(names, ahead, held_out=True),
         free_run_error(names, free[chosen], even.scale_mps, held_out=True),
         {n: error for (error, n) in scores},
         singular_values,
@@ -144,7 +152,7 @@ def _subspace(stretches: Sequence[EvenStretch]) -> tuple[FloatArray, FloatArray]
 def _realise(
     basis: FloatArray, order: int, stretches: Sequence[EvenStretch], interval_s: float
 ) -> StateSpaceModel:
-    """A and C from the shift structure, B by simulation error, K by one-step error."""
+    """A and C from the shift structure, B by simulation error; K is left at zero."""
     gamma = np.asarray(basis[:, :order], dtype=np.float64)
     c = np.ascontiguousarray(gamma[0])
     shift, *_ = np.linalg.lstsq(gamma[:-1], gamma[1:], rcond=1e-10)
@@ -157,8 +165,7 @@ def _realise(
     a = np.ascontiguousarray(a, dtype=np.float64)
     model = StateSpaceModel(a, np.zeros(order), c, np.zeros(order), interval_s)
     model = replace(model, b=_input_matrix(model, stretches))
-    model = _refine(model, stretches)
-    return replace(model, k=_innovation_gain(model, stretches))
+    return _refine(model, stretches)
 
 
 def _input_matrix(model: StateSpaceModel, stretches: Sequence[EvenStretch]) -> FloatArray:
