@@ -9,9 +9,9 @@ enum { EOCIE = 1 << 5, SCAN = 1 << 8, ADON = 1 << 0, CONT = 1 << 1, EOCS = 1 << 
 #define CHANNEL_TEMP 16
 
 /* Pins of channels 0 to 15 of ADC1 and ADC2, STM32F405 datasheet table 7. */
-static const struct board_pin pins[16] = {{'A', 0}, {'A', 1}, {'A', 2}, {'A', 3}, {'A', 4}, {'A', 5}, {'A', 6},
-                                          {'A', 7}, {'B', 0}, {'B', 1}, {'C', 0}, {'C', 1}, {'C', 2}, {'C', 3},
-                                          {'C', 4}, {'C', 5}};
+static const struct board_pin pins[16] = {{'A', 0}, {'A', 1}, {'A', 2}, {'A', 3}, {'A', 4}, {'A', 5},
+                                          {'A', 6}, {'A', 7}, {'B', 0}, {'B', 1}, {'C', 0}, {'C', 1},
+                                          {'C', 2}, {'C', 3}, {'C', 4}, {'C', 5}};
 
 static uint32_t channel(const struct adc *a)
 {
@@ -48,8 +48,8 @@ static double voltage(struct board *b, uint32_t c)
     }
     struct board_pin pin = pins[c];
     if ((b->gpio[pin.port - 'A'].moder >> (2 * pin.number) & 3u) != 3) {
-        note_oddity(b, 0xF0000090u + c, "ADC converts channel %u, but P%c%u is not in analogue mode", (unsigned)c, pin.port,
-             (unsigned)pin.number);
+        note_oddity(b, 0xF0000090u + c, "ADC converts channel %u, but P%c%u is not in analogue mode",
+                    (unsigned)c, pin.port, (unsigned)pin.number);
     }
     return b->options.wires.pin_voltage(b->options.wires.context, pin, time_to_ps(b, b->moment));
 }
@@ -68,7 +68,8 @@ static void update_line(struct board *b)
     bool on = false;
     for (int i = 1; i <= ADCS; i++) {
         const struct adc *a = &b->adc[i];
-        on = on || ((a->sr & EOC) != 0 && (a->cr1 & EOCIE) != 0) || ((a->sr & OVR) != 0 && (a->cr1 & 1u << 26) != 0);
+        on = on || ((a->sr & EOC) != 0 && (a->cr1 & EOCIE) != 0) ||
+             ((a->sr & OVR) != 0 && (a->cr1 & 1u << 26) != 0);
     }
     nvic_set_line(b, IRQ_ADC, on);
 }
@@ -156,7 +157,7 @@ bool adc_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
     struct adc *a = &b->adc[adc];
     struct {
         uint32_t offset, *store;
-    } map[] = {{0x04, &a->cr1},    {0x0C, &a->smpr[0]}, {0x10, &a->smpr[1]}, {0x24, &a->htr},  {0x28, &a->ltr},
+    } map[] = {{0x04, &a->cr1},    {0x0C, &a->smpr[0]}, {0x10, &a->smpr[1]}, {0x24, &a->htr}, {0x28, &a->ltr},
                {0x2C, &a->sqr[0]}, {0x30, &a->sqr[1]},  {0x34, &a->sqr[2]},  {0x38, &a->jsqr}};
     const uint32_t reg = offset & 0xFFu;
     switch (reg) {

@@ -1,8 +1,9 @@
 /* Cycle accounting: what a stretch of Thumb code costs, from its instructions alone.
  *
- * The model, after the Cortex-M4 TRM table 3-1: one cycle each; loads and stores two; multiple transfers one more per
- * word; a refill of two for a branch (one on average for a conditional one); divides seven, FP divide and root
- * fourteen, FP multiply-add three. The flash accelerator is taken to hide all wait states (RM0090 3.5.2). */
+ * The model, after the Cortex-M4 TRM table 3-1: one cycle each; loads and stores two; multiple transfers one
+ * more per word; a refill of two for a branch (one on average for a conditional one); divides seven, FP
+ * divide and root fourteen, FP multiply-add three. The flash accelerator is taken to hide all wait states
+ * (RM0090 3.5.2). */
 #include "machine.h"
 
 #include <string.h>
@@ -109,7 +110,8 @@ void block_measure(const uint8_t *code, uint32_t size, uint32_t it_left, struct 
         } else {
             cycles += cost16(op);
             if ((op & 0xFF00u) == 0xBF00u && (op & 0xFu) != 0) {
-                /* IT: the lowest set bit of its mask ends the block, one to four instructions (PM0214 3.9.3). */
+                /* IT: the lowest set bit of its mask ends the block, one to four instructions (PM0214 3.9.3).
+                 */
                 it_left = 4u - (uint32_t)__builtin_ctz(op & 0xFu);
             }
             if (op == 0xBF10u || op == 0xBF20u || op == 0xBF30u) {

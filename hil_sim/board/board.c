@@ -39,7 +39,6 @@ struct board *board_create(const struct board_options *options)
     }
     b->options = *options;
     b->flash_array = aligned_alloc(4096, FLASH_SIZE);
-    b->flash_shadow = malloc(FLASH_SIZE);
     b->sram = aligned_alloc(4096, SRAM_SIZE);
     b->ccm = aligned_alloc(4096, CCM_SIZE);
     b->system = aligned_alloc(4096, SYSTEM_SIZE);
@@ -51,14 +50,13 @@ struct board *board_create(const struct board_options *options)
     for (unsigned i = 0; i < EVENTS; i++) {
         b->events[i].at = NEVER;
     }
-    bool memory = b->flash_array != NULL && b->flash_shadow != NULL && b->sram != NULL && b->ccm != NULL &&
-                  b->system != NULL && b->flash_blocks != NULL;
+    bool memory = b->flash_array != NULL && b->sram != NULL && b->ccm != NULL && b->system != NULL &&
+                  b->flash_blocks != NULL;
     if (!memory || !core_open(b)) {
         board_destroy(b);
         return NULL;
     }
     memset(b->flash_array, 0xFF, FLASH_SIZE);
-    memset(b->flash_shadow, 0xFF, FLASH_SIZE);
     fill_system(b);
     b->rng_state = options->seed * 0xD1342543DE82EF95ULL + 0x9E3779B97F4A7C15ULL;
     return b;
@@ -76,7 +74,6 @@ void board_destroy(struct board *board)
         free(board->usart[i].inbound);
     }
     free(board->flash_array);
-    free(board->flash_shadow);
     free(board->sram);
     free(board->ccm);
     free(board->system);
@@ -91,7 +88,6 @@ bool board_flash(struct board *board, uint32_t address, const uint8_t *data, siz
         return false;
     }
     memcpy(board->flash_array + offset, data, length);
-    memcpy(board->flash_shadow + offset, data, length);
     blocks_forget(board, offset & ~1u, (uint32_t)(length + 1) & ~1u);
     uc_ctl_flush_tb(board->uc);
     return true;

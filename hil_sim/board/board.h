@@ -1,4 +1,5 @@
-/* The virtual board: an STM32F405 that runs the image that is flashed, seen from its pins and its power plug. */
+/* The virtual board: an STM32F405 that runs the image that is flashed, seen from its pins and its power plug.
+ */
 #ifndef BOARD_H
 #define BOARD_H
 
@@ -27,7 +28,8 @@ enum board_reset {
 /* What is soldered around the chip. Every time is virtual, in picoseconds since creation. */
 struct board_wires {
     void *context;
-    /* A watched pin's drive changed: fraction of time it is high (0, 1, or the PWM duty), or below 0: not driven. */
+    /* A watched pin's drive changed: fraction of time it is high (0, 1, or the PWM duty), or below 0: not
+     * driven. */
     void (*pin_driven)(void *context, struct board_pin pin, double duty, uint64_t time_ps);
     /* Position of an encoder wired with board_wire_encoder, in quadrature counts (x4). */
     int64_t (*encoder_position)(void *context, int encoder, uint64_t time_ps);
@@ -38,7 +40,7 @@ struct board_wires {
 };
 
 struct board_options {
-    uint64_t seed;      /* of SRAM noise at power-on and of the random number generator */
+    uint64_t seed; /* of SRAM noise at power-on and of the random number generator */
     uint8_t unique_id[12];
     uint32_t crystal_hz; /* 0: no crystal ever starts */
     struct board_wires wires;
@@ -94,21 +96,21 @@ struct board_cost {
 void board_cost(const struct board *board, unsigned exception, struct board_cost *out);
 
 struct board_stats {
-    uint64_t cycles;        /* of the core's clock, asleep or not */
-    uint64_t sleep_cycles;  /* in WFI */
+    uint64_t cycles;       /* of the core's clock, asleep or not */
+    uint64_t sleep_cycles; /* in WFI */
     uint64_t instructions;
     uint64_t interrupts;
     uint64_t tail_chains;
-    uint64_t registers;     /* peripheral accesses */
+    uint64_t registers; /* peripheral accesses */
     uint64_t resets;
     uint32_t core_hz;
-    bool locked_up;         /* a fault inside the hard fault handler: only a reset helps */
+    bool locked_up; /* a fault inside the hard fault handler: only a reset helps */
     bool powered;
 };
 void board_stats(const struct board *board, struct board_stats *out);
 
-/* Oddities met so far: registers not modelled, peripherals without clock, pins not routed. One line each, NULL past
-   the end; hits counts how often. */
+/* Oddities met so far: registers not modelled, peripherals without clock, pins not routed. One line each,
+   NULL past the end; hits counts how often. */
 const char *board_warning(const struct board *board, size_t index, uint64_t *hits);
 
 #pragma GCC visibility pop

@@ -196,9 +196,10 @@ static void access_word(struct board *b, uint32_t address, bool write, uint32_t 
         const char *verb = write ? "written" : "read";
         if (p != NULL) {
             note_oddity(b, address ^ (write ? 2u : 0), "%s register 0x%02X is not modelled (%s)", p->name,
-                 (unsigned)(address - p->base), verb);
+                        (unsigned)(address - p->base), verb);
         } else {
-            note_oddity(b, address ^ (write ? 2u : 0), "register 0x%08X is not modelled (%s)", (unsigned)address, verb);
+            note_oddity(b, address ^ (write ? 2u : 0), "register 0x%08X is not modelled (%s)",
+                        (unsigned)address, verb);
         }
     }
 }
@@ -302,8 +303,8 @@ bool bus_map(struct board *b)
     }
     for (size_t i = 0; i < BUS_REGIONS; i++) {
         b->region[i] = (struct region_of){b, regions[i].base};
-        good = good && uc_mmio_map(b->uc, regions[i].base, regions[i].size, bus_read, &b->region[i], bus_write,
-                                   &b->region[i]) == UC_ERR_OK;
+        good = good && uc_mmio_map(b->uc, regions[i].base, regions[i].size, bus_read, &b->region[i],
+                                   bus_write, &b->region[i]) == UC_ERR_OK;
     }
     return good;
 }

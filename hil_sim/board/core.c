@@ -1,4 +1,5 @@
-/* The core: Unicorn runs the instructions, block by block; this file keeps its time and steps in between blocks. */
+/* The core: Unicorn runs the instructions, block by block; this file keeps its time and steps in between
+ * blocks. */
 #include "machine.h"
 
 #include <stdlib.h>
@@ -47,7 +48,8 @@ uint8_t *core_memory(const struct board *b, uint32_t address, size_t length, boo
 void core_update_break(struct board *b)
 {
     uint64_t at = b->next_event < b->target ? b->next_event : b->target;
-    b->break_at = b->needs_check || b->reset_wanted || b->stall_until > b->now || b->flash.window_open ? 0 : at;
+    b->break_at =
+        b->needs_check || b->reset_wanted || b->stall_until > b->now || b->flash.stale_end != 0 ? 0 : at;
 }
 
 void core_count(struct board *b, uint64_t instructions, uint64_t cycles)
@@ -95,7 +97,8 @@ static const struct block *measured(struct board *b, uint32_t pc, uint32_t size,
     }
     const uint8_t *code = core_memory(b, pc, size, false);
     if (code == NULL) {
-        *scratch = (struct block){.cycles = 1, .instructions = 1, .size = (uint16_t)size, .flags = BLOCK_KNOWN};
+        *scratch =
+            (struct block){.cycles = 1, .instructions = 1, .size = (uint16_t)size, .flags = BLOCK_KNOWN};
     } else {
         block_measure(code, size, b->it_left, scratch);
     }
@@ -105,8 +108,8 @@ static const struct block *measured(struct board *b, uint32_t pc, uint32_t size,
 /* A pending exception that only PRIMASK and its like hold back is no reason to leave the engine. */
 static bool must_leave(struct board *b)
 {
-    if (!b->powered || b->reset_wanted || b->now >= b->next_event || b->now >= b->target || b->stall_until > b->now ||
-        b->flash.window_open) {
+    if (!b->powered || b->reset_wanted || b->now >= b->next_event || b->now >= b->target ||
+        b->stall_until > b->now || b->flash.stale_end != 0) {
         return true;
     }
     return b->nvic.best != 0 && b->nvic.best_priority < nvic_execution_priority(b);
@@ -143,11 +146,12 @@ static void on_interrupt(uc_engine *uc, uint32_t number, void *user)
     uc_emu_stop(uc);
 }
 
-static bool on_memory_fault(uc_engine *uc, uc_mem_type type, uint64_t address, int size, int64_t value, void *user)
+static bool on_memory_fault(uc_engine *uc, uc_mem_type type, uint64_t address, int size, int64_t value,
+                            void *user)
 {
     struct board *b = user;
-    (void)uc, (void)size, (void)value;
-    if (type == UC_MEM_WRITE_PROT && flash_store(b, (uint32_t)address)) {
+    (void)uc;
+    if (type == UC_MEM_WRITE_PROT && flash_store(b, (uint32_t)address, (uint32_t)size, (uint64_t)value)) {
         return true;
     }
     b->fault_seen = true;
@@ -173,31 +177,41 @@ bool core_open(struct board *b)
     }
     bool good = uc_ctl_set_cpu_model(b->uc, UC_CPU_ARM_CORTEX_M4) == UC_ERR_OK;
     const uint32_t code = UC_PROT_READ | UC_PROT_EXEC;
-    good = good && uc_mem_map_ptr(b->uc, FLASH_BASE, FLASH_SIZE, code, b->flash_array) == UC_ERR_OK;
-    good = good && uc_mem_map_ptr(b->uc, 0, FLASH_SIZE, code, b->flash_array) == UC_ERR_OK;
+    static const uint32_t flash_at[] = {FLASH_BASE, 0};
+    for (size_t i = 0; i < 2; i++) {
+        /* Mapped writable and protected afterwards: only then does the engine discard stores that a hook took
+         * care of. */
+        good =
+            good && uc_mem_map_ptr(b->uc, flash_at[i], FLASH_SIZE, UC_PROT_ALL, b->flash_array) == UC_ERR_OK;
+        good = good && uc_mem_protect(b->uc, flash_at[i], FLASH_SIZE, code) == UC_ERR_OK;
+    }
     good = good && uc_mem_map_ptr(b->uc, SYSTEM_BASE, SYSTEM_SIZE, code, b->system) == UC_ERR_OK;
     good = good && uc_mem_map_ptr(b->uc, SRAM_BASE, SRAM_SIZE, UC_PROT_ALL, b->sram) == UC_ERR_OK;
     /* CCM hangs on the data bus only (RM0090 2.3.1): no code runs from it. */
-    good = good && uc_mem_map_ptr(b->uc, CCM_BASE, CCM_SIZE, UC_PROT_READ | UC_PROT_WRITE, b->ccm) == UC_ERR_OK;
+    good =
+        good && uc_mem_map_ptr(b->uc, CCM_BASE, CCM_SIZE, UC_PROT_READ | UC_PROT_WRITE, b->ccm) == UC_ERR_OK;
     good = good && bus_map(b);
     good = good && add_hook(b, UC_HOOK_BLOCK, (any_function)on_block);
     good = good && add_hook(b, UC_HOOK_INTR, (any_function)on_interrupt);
     return good && add_hook(b, UC_HOOK_MEM_INVALID, (any_function)on_memory_fault);
 }
 
-/* Registers as reset leaves them; stack pointer and start address come from the vector table (PM0214 2.1.3). */
+/* Registers as reset leaves them; stack pointer and start address come from the vector table (PM0214 2.1.3).
+ */
 void core_reset(struct board *b)
 {
-    static const int cleared[] = {UC_ARM_REG_R0,  UC_ARM_REG_R1, UC_ARM_REG_R2,  UC_ARM_REG_R3,  UC_ARM_REG_R4,
-                                  UC_ARM_REG_R5,  UC_ARM_REG_R6, UC_ARM_REG_R7,  UC_ARM_REG_R8,  UC_ARM_REG_R9,
-                                  UC_ARM_REG_R10, UC_ARM_REG_R11, UC_ARM_REG_R12, UC_ARM_REG_FPSCR};
+    static const int cleared[] = {UC_ARM_REG_R0,  UC_ARM_REG_R1,   UC_ARM_REG_R2,  UC_ARM_REG_R3,
+                                  UC_ARM_REG_R4,  UC_ARM_REG_R5,   UC_ARM_REG_R6,  UC_ARM_REG_R7,
+                                  UC_ARM_REG_R8,  UC_ARM_REG_R9,   UC_ARM_REG_R10, UC_ARM_REG_R11,
+                                  UC_ARM_REG_R12, UC_ARM_REG_FPSCR};
     b->current = (struct block){0};
     b->it_left = 0;
     b->sleeping = b->locked_up = false;
     b->no_fp = true;
     b->depth = 0;
     b->running[0] = (struct running){0};
-    core_set(b, UC_ARM_REG_XPSR_NZCVQG, 0x01000000u | EXC_NMI); /* handler mode: privileged, whatever was before */
+    core_set(b, UC_ARM_REG_XPSR_NZCVQG,
+             0x01000000u | EXC_NMI); /* handler mode: privileged, whatever was before */
     for (size_t i = 0; i < sizeof cleared / sizeof cleared[0]; i++) {
         core_set(b, cleared[i], 0);
     }
@@ -246,7 +260,8 @@ static void fault_no_coprocessor(struct board *b)
     exception_fault(b, EXC_USAGE_FAULT, 1u << 19, pc); /* CFSR.NOCP */
 }
 
-/* Faults as CFSR names them, PM0214 4.4.16: PRECISERR and BFARVALID, IACCVIOL, IBUSERR, UNDEFINSTR, INVSTATE. */
+/* Faults as CFSR names them, PM0214 4.4.16: PRECISERR and BFARVALID, IACCVIOL, IBUSERR, UNDEFINSTR, INVSTATE.
+ */
 static void fault_by_memory(struct board *b, uint32_t pc)
 {
     cut_block(b, pc);
@@ -350,8 +365,8 @@ void core_run(struct board *b)
         if (b->reset_wanted) {
             board_reset(b, b->reset_cause);
         }
-        if (b->flash.window_open) {
-            flash_close_window(b);
+        if (b->flash.stale_end != 0) {
+            flash_forget_code(b);
         }
         if (!b->powered || b->locked_up || b->clock_dead) {
             if (b->now >= b->target) {

@@ -1,4 +1,5 @@
-/* Exception entry, return, tail-chaining and faults, as PM0214 section 2.3 has them; FP context is stacked eagerly. */
+/* Exception entry, return, tail-chaining and faults, as PM0214 section 2.3 has them; FP context is stacked
+ * eagerly. */
 #include "machine.h"
 
 #include <string.h>
@@ -13,6 +14,8 @@ enum {
 };
 #define CONTROL_SPSEL 2u
 #define CONTROL_FPCA  4u
+#define CONTROL_SFPA                                                                                         \
+    8u /* the engine's core believes in TrustZone: without this bit it begins a new FP context */
 #define XPSR_T        (1u << 24)
 #define XPSR_IT       0x0600FC00u
 #define XPSR_ALIGN    (1u << 9)
@@ -164,7 +167,8 @@ static void pop_frame(struct board *b, uint32_t exc_return)
     /* IPSR and the stack choice first: they decide what SP means; the condition bits come with them. */
     core_set(b, UC_ARM_REG_XPSR_NZCVQG, xpsr);
     uint32_t control = core_get(b, UC_ARM_REG_CONTROL) & 1u;
-    core_set(b, UC_ARM_REG_CONTROL, control | (thread && psp ? CONTROL_SPSEL : 0) | (fp ? CONTROL_FPCA : 0));
+    core_set(b, UC_ARM_REG_CONTROL,
+             control | (thread && psp ? CONTROL_SPSEL : 0) | (fp ? CONTROL_FPCA | CONTROL_SFPA : 0));
     for (size_t i = 0; i < 6; i++) {
         core_set(b, frame_registers[i], words[i]);
     }
@@ -197,8 +201,8 @@ void exception_return(struct board *b, uint32_t exc_return)
     uint32_t kind = exc_return & 0xFu;
     bool known = (exc_return & 0xFFFFFFE0u) == 0xFFFFFFE0u && (kind == 1 || kind == 9 || kind == 0xD);
     if (exception == 0 || !known || !nvic_bit(b->nvic.active, exception)) {
-        exception_fault(b, exception == 0 ? EXC_BUS_FAULT : EXC_USAGE_FAULT, exception == 0 ? 1u << 8 : 1u << 18,
-                        exc_return & ~1u);
+        exception_fault(b, exception == 0 ? EXC_BUS_FAULT : EXC_USAGE_FAULT,
+                        exception == 0 ? 1u << 8 : 1u << 18, exc_return & ~1u);
         return;
     }
     if (exception != EXC_NMI) {
@@ -218,12 +222,12 @@ void exception_return(struct board *b, uint32_t exc_return)
     pop_frame(b, exc_return);
 }
 
-/* A fault of the instruction at return_pc. It becomes a hard fault when its own handler is off or not urgent enough. */
+/* A fault of the instruction at return_pc. It becomes a hard fault when its own handler is off or not urgent
+ * enough. */
 void exception_fault(struct board *b, unsigned exception, uint32_t cfsr, uint32_t return_pc)
 {
-    static const uint32_t enable[] = {[EXC_MEMORY_FAULT] = 1u << 16,
-                                      [EXC_BUS_FAULT] = 1u << 17,
-                                      [EXC_USAGE_FAULT] = 1u << 18};
+    static const uint32_t enable[] = {
+        [EXC_MEMORY_FAULT] = 1u << 16, [EXC_BUS_FAULT] = 1u << 17, [EXC_USAGE_FAULT] = 1u << 18};
     b->scb.cfsr |= cfsr;
     int running = nvic_execution_priority(b);
     if (exception != EXC_HARD_FAULT &&

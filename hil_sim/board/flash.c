@@ -19,15 +19,6 @@ static uint32_t sector_start(uint32_t sector)
     return sector <= 4 ? sector * 0x4000u : (sector - 4) * 0x20000u;
 }
 
-static uint32_t sector_of(uint32_t offset)
-{
-    uint32_t sector = SECTORS - 1;
-    while (sector_start(sector) > offset) {
-        sector--;
-    }
-    return sector;
-}
-
 static uint32_t sector_size(uint32_t sector)
 {
     return sector_start(sector + 1) - sector_start(sector);
@@ -35,7 +26,9 @@ static uint32_t sector_size(uint32_t sector)
 
 void flash_reset(struct board *b)
 {
-    b->flash = (struct flash){.cr = LOCK, .optcr = 0x0FFFAAEDu};
+    const struct flash before = b->flash;
+    b->flash = (struct flash){
+        .cr = LOCK, .optcr = 0x0FFFAAEDu, .stale_first = before.stale_first, .stale_end = before.stale_end};
     b->stall_until = 0;
     event_cancel(b, EVENT_FLASH);
 }
@@ -43,7 +36,9 @@ void flash_reset(struct board *b)
 /* Code is fetched from flash, so that the core waits until the operation is over; code in SRAM runs on. */
 static void busy_for(struct board *b, uint64_t ps)
 {
-    uint64_t end = time_to_ps(b, b->moment) + ps;
+    uint64_t now = time_to_ps(b, b->moment);
+    uint64_t end = (now > b->flash.busy_until_ps ? now : b->flash.busy_until_ps) + ps; /* stores queue up */
+    b->flash.busy_until_ps = end;
     b->flash.sr |= BSY;
     event_at_ps(b, EVENT_FLASH, end);
     if (b->block_pc < SRAM_BASE) {
@@ -71,9 +66,29 @@ static bool cut_now(struct board *b)
     return b->flash_cut_after-- == 0;
 }
 
+/* The engine may hold a translation of code that lay here; it forgets it between two blocks. */
+static void changed(struct board *b, uint32_t first, uint32_t length)
+{
+    struct flash *f = &b->flash;
+    bool none = f->stale_end == 0;
+    f->stale_first = none || first < f->stale_first ? first : f->stale_first;
+    f->stale_end = first + length > f->stale_end ? first + length : f->stale_end;
+    core_update_break(b);
+}
+
+void flash_forget_code(struct board *b)
+{
+    struct flash *f = &b->flash;
+    blocks_forget(b, f->stale_first & ~3u, ((f->stale_end + 3u) & ~3u) - (f->stale_first & ~3u));
+    uc_ctl_remove_cache(b->uc, (uint64_t)FLASH_BASE + f->stale_first, (uint64_t)FLASH_BASE + f->stale_end);
+    uc_ctl_remove_cache(b->uc, (uint64_t)f->stale_first, (uint64_t)f->stale_end);
+    f->stale_end = 0;
+}
+
 static void erase(struct board *b, uint32_t first, uint32_t length, uint64_t ps)
 {
     uint8_t *cells = b->flash_array + first;
+    changed(b, first, length);
     if (cut_now(b)) {
         /* Half erased: some cells are already blank, the others still hold their charge. */
         for (uint32_t i = 0; i < length; i++) {
@@ -84,10 +99,6 @@ static void erase(struct board *b, uint32_t first, uint32_t length, uint64_t ps)
         memset(cells, 0xFF, length);
         busy_for(b, ps);
     }
-    memcpy(b->flash_shadow + first, cells, length);
-    blocks_forget(b, first, length);
-    uc_ctl_remove_cache(b->uc, (uint64_t)FLASH_BASE + first, (uint64_t)FLASH_BASE + first + length);
-    uc_ctl_remove_cache(b->uc, (uint64_t)first, (uint64_t)first + length);
 }
 
 static void start_erase(struct board *b)
@@ -103,83 +114,47 @@ static void start_erase(struct board *b)
     }
     uint32_t size = sector_size(sector);
     erase(b, sector_start(sector), size,
-          size == 0x4000u ? ERASE_16K_PS : size == 0x10000u ? ERASE_64K_PS : ERASE_128K_PS);
+          size == 0x4000u    ? ERASE_16K_PS
+          : size == 0x10000u ? ERASE_64K_PS
+                             : ERASE_128K_PS);
 }
 
-/* A store into the array is under way. The engine cannot refuse it, so the array is opened for the rest of the
-   block and afterwards compared with its shadow: what was not allowed is taken back, what was becomes programming. */
-bool flash_store(struct board *b, uint32_t address)
+/* A store into the array, which the engine itself discards. It has to be as wide as PSIZE says, and only
+   clears bits; the first store that is not allowed raises an error flag (RM0090 3.6.3 and 3.8.4). */
+bool flash_store(struct board *b, uint32_t address, uint32_t size, uint64_t value)
 {
+    struct flash *f = &b->flash;
     uint32_t offset = address >= FLASH_BASE ? address - FLASH_BASE : address;
-    if (offset >= FLASH_SIZE) {
+    if (offset >= FLASH_SIZE || size > FLASH_SIZE - offset) {
         return false;
     }
-    b->flash.window_open = true;
-    b->flash.window_sector = sector_of(offset);
-    uc_mem_protect(b->uc, address >= FLASH_BASE ? FLASH_BASE : 0, FLASH_SIZE, UC_PROT_ALL);
-    core_update_break(b);
-    return true;
-}
-
-static uint32_t width(const struct board *b)
-{
-    return 1u << (b->flash.cr >> 8 & 3u);
-}
-
-/* Programming only clears bits. Bytes that a store left as they were cost no time. */
-static void program(struct board *b, uint32_t at)
-{
-    uint32_t size = width(b);
-    for (uint32_t i = at; i < at + size && i < FLASH_SIZE; i++) {
-        b->flash_array[i] &= b->flash_shadow[i];
-    }
-    if (cut_now(b)) {
-        for (uint32_t i = at; i < at + size; i++) {
-            b->flash_array[i] |= (uint8_t)(b->flash_shadow[i] & 0x0Fu); /* half of the cells did not make it */
-        }
-        memcpy(b->flash_shadow + at, b->flash_array + at, size);
-        board_power(b, false);
-        return;
-    }
-    memcpy(b->flash_shadow + at, b->flash_array + at, size);
-    busy_for(b, PROGRAM_PS);
-}
-
-void flash_close_window(struct board *b)
-{
-    b->flash.window_open = false;
-    uc_mem_protect(b->uc, FLASH_BASE, FLASH_SIZE, UC_PROT_READ | UC_PROT_EXEC);
-    uc_mem_protect(b->uc, 0, FLASH_SIZE, UC_PROT_READ | UC_PROT_EXEC);
-    uint32_t first = sector_start(b->flash.window_sector);
-    uint32_t end = first + sector_size(b->flash.window_sector);
-    bool allowed = (b->flash.cr & (LOCK | PG)) == PG && (b->flash.sr & (WRPERR | PGAERR | PGPERR | PGSERR)) == 0;
-    if (!allowed) {
-        b->flash.sr |= PGSERR;
+    if ((f->cr & (LOCK | PG)) != PG) {
+        f->sr |= PGSERR;
         note_oddity(b, 0xF0000010u, "store into flash without FLASH_CR.PG: ignored");
+        return true;
     }
-    uint64_t total = 0;
-    bool changed = false;
-    for (uint32_t at = first; at < end && b->powered; at++) {
-        if (b->flash_array[at] == b->flash_shadow[at]) {
-            continue;
-        }
-        changed = true;
-        if (allowed) {
-            at -= at % width(b);
-            program(b, at);
-            at += width(b) - 1;
-            total += PROGRAM_PS;
-        } else {
-            b->flash_array[at] = b->flash_shadow[at];
-        }
+    if (size != 1u << (f->cr >> 8 & 3u)) {
+        f->sr |= PGPERR;
+        note_oddity(b, 0xF0000012u, "store into flash is not as wide as FLASH_CR.PSIZE: ignored");
+        return true;
     }
-    if (total > PROGRAM_PS) {
-        busy_for(b, total); /* several stores in one go queue up on the bus */
+    if ((f->sr & (WRPERR | PGAERR | PGPERR | PGSERR)) != 0) {
+        return true;
     }
-    if (changed) {
-        blocks_forget(b, first, end - first);
+    bool cut = cut_now(b);
+    for (uint32_t i = 0; i < size; i++) {
+        uint8_t old = b->flash_array[offset + i];
+        uint8_t wanted = (uint8_t)(value >> (8 * i)) & old;
+        /* When the supply fails, half of the cells did not make it. */
+        b->flash_array[offset + i] = cut ? (uint8_t)(wanted | (old & 0x0Fu)) : wanted;
     }
-    core_update_break(b);
+    changed(b, offset, size);
+    if (cut) {
+        board_power(b, false);
+    } else {
+        busy_for(b, PROGRAM_PS);
+    }
+    return true;
 }
 
 static void write_cr(struct board *b, uint32_t value)

@@ -5,27 +5,36 @@
 
 enum { MODE_INPUT, MODE_OUTPUT, MODE_ALTERNATE, MODE_ANALOG };
 
-/* Alternate functions modelled, STM32F405 datasheet table 9: {port, pin, function, signal, instance, channel}. */
+/* Alternate functions modelled, STM32F405 datasheet table 9: {port, pin, function, signal, instance,
+ * channel}. */
 enum signal { SIGNAL_TIMER, SIGNAL_USART_TX, SIGNAL_USART_RX };
 static const struct route {
     char port;
     uint8_t pin, function, signal, instance, channel;
 } routes[] = {
-    {'A', 8, 1, SIGNAL_TIMER, 1, 1},     {'A', 9, 1, SIGNAL_TIMER, 1, 2},     {'A', 10, 1, SIGNAL_TIMER, 1, 3},
-    {'A', 11, 1, SIGNAL_TIMER, 1, 4},    {'E', 9, 1, SIGNAL_TIMER, 1, 1},     {'E', 11, 1, SIGNAL_TIMER, 1, 2},
-    {'E', 13, 1, SIGNAL_TIMER, 1, 3},    {'E', 14, 1, SIGNAL_TIMER, 1, 4},    {'A', 0, 1, SIGNAL_TIMER, 2, 1},
-    {'A', 5, 1, SIGNAL_TIMER, 2, 1},     {'A', 15, 1, SIGNAL_TIMER, 2, 1},    {'A', 1, 1, SIGNAL_TIMER, 2, 2},
-    {'B', 3, 1, SIGNAL_TIMER, 2, 2},     {'A', 6, 2, SIGNAL_TIMER, 3, 1},     {'B', 4, 2, SIGNAL_TIMER, 3, 1},
-    {'C', 6, 2, SIGNAL_TIMER, 3, 1},     {'A', 7, 2, SIGNAL_TIMER, 3, 2},     {'B', 5, 2, SIGNAL_TIMER, 3, 2},
-    {'C', 7, 2, SIGNAL_TIMER, 3, 2},     {'B', 0, 2, SIGNAL_TIMER, 3, 3},     {'B', 1, 2, SIGNAL_TIMER, 3, 4},
-    {'B', 6, 2, SIGNAL_TIMER, 4, 1},     {'D', 12, 2, SIGNAL_TIMER, 4, 1},    {'B', 7, 2, SIGNAL_TIMER, 4, 2},
-    {'D', 13, 2, SIGNAL_TIMER, 4, 2},    {'A', 0, 2, SIGNAL_TIMER, 5, 1},     {'A', 1, 2, SIGNAL_TIMER, 5, 2},
-    {'C', 6, 3, SIGNAL_TIMER, 8, 1},     {'C', 7, 3, SIGNAL_TIMER, 8, 2},     {'C', 8, 3, SIGNAL_TIMER, 8, 3},
-    {'C', 9, 3, SIGNAL_TIMER, 8, 4},     {'A', 9, 7, SIGNAL_USART_TX, 1, 0},  {'A', 10, 7, SIGNAL_USART_RX, 1, 0},
-    {'B', 6, 7, SIGNAL_USART_TX, 1, 0},  {'B', 7, 7, SIGNAL_USART_RX, 1, 0},  {'A', 2, 7, SIGNAL_USART_TX, 2, 0},
-    {'A', 3, 7, SIGNAL_USART_RX, 2, 0},  {'D', 5, 7, SIGNAL_USART_TX, 2, 0},  {'D', 6, 7, SIGNAL_USART_RX, 2, 0},
-    {'B', 10, 7, SIGNAL_USART_TX, 3, 0}, {'B', 11, 7, SIGNAL_USART_RX, 3, 0}, {'C', 10, 7, SIGNAL_USART_TX, 3, 0},
-    {'C', 11, 7, SIGNAL_USART_RX, 3, 0}, {'D', 8, 7, SIGNAL_USART_TX, 3, 0},  {'D', 9, 7, SIGNAL_USART_RX, 3, 0},
+    {'A', 8, 1, SIGNAL_TIMER, 1, 1},     {'A', 9, 1, SIGNAL_TIMER, 1, 2},
+    {'A', 10, 1, SIGNAL_TIMER, 1, 3},    {'A', 11, 1, SIGNAL_TIMER, 1, 4},
+    {'E', 9, 1, SIGNAL_TIMER, 1, 1},     {'E', 11, 1, SIGNAL_TIMER, 1, 2},
+    {'E', 13, 1, SIGNAL_TIMER, 1, 3},    {'E', 14, 1, SIGNAL_TIMER, 1, 4},
+    {'A', 0, 1, SIGNAL_TIMER, 2, 1},     {'A', 5, 1, SIGNAL_TIMER, 2, 1},
+    {'A', 15, 1, SIGNAL_TIMER, 2, 1},    {'A', 1, 1, SIGNAL_TIMER, 2, 2},
+    {'B', 3, 1, SIGNAL_TIMER, 2, 2},     {'A', 6, 2, SIGNAL_TIMER, 3, 1},
+    {'B', 4, 2, SIGNAL_TIMER, 3, 1},     {'C', 6, 2, SIGNAL_TIMER, 3, 1},
+    {'A', 7, 2, SIGNAL_TIMER, 3, 2},     {'B', 5, 2, SIGNAL_TIMER, 3, 2},
+    {'C', 7, 2, SIGNAL_TIMER, 3, 2},     {'B', 0, 2, SIGNAL_TIMER, 3, 3},
+    {'B', 1, 2, SIGNAL_TIMER, 3, 4},     {'B', 6, 2, SIGNAL_TIMER, 4, 1},
+    {'D', 12, 2, SIGNAL_TIMER, 4, 1},    {'B', 7, 2, SIGNAL_TIMER, 4, 2},
+    {'D', 13, 2, SIGNAL_TIMER, 4, 2},    {'A', 0, 2, SIGNAL_TIMER, 5, 1},
+    {'A', 1, 2, SIGNAL_TIMER, 5, 2},     {'C', 6, 3, SIGNAL_TIMER, 8, 1},
+    {'C', 7, 3, SIGNAL_TIMER, 8, 2},     {'C', 8, 3, SIGNAL_TIMER, 8, 3},
+    {'C', 9, 3, SIGNAL_TIMER, 8, 4},     {'A', 9, 7, SIGNAL_USART_TX, 1, 0},
+    {'A', 10, 7, SIGNAL_USART_RX, 1, 0}, {'B', 6, 7, SIGNAL_USART_TX, 1, 0},
+    {'B', 7, 7, SIGNAL_USART_RX, 1, 0},  {'A', 2, 7, SIGNAL_USART_TX, 2, 0},
+    {'A', 3, 7, SIGNAL_USART_RX, 2, 0},  {'D', 5, 7, SIGNAL_USART_TX, 2, 0},
+    {'D', 6, 7, SIGNAL_USART_RX, 2, 0},  {'B', 10, 7, SIGNAL_USART_TX, 3, 0},
+    {'B', 11, 7, SIGNAL_USART_RX, 3, 0}, {'C', 10, 7, SIGNAL_USART_TX, 3, 0},
+    {'C', 11, 7, SIGNAL_USART_RX, 3, 0}, {'D', 8, 7, SIGNAL_USART_TX, 3, 0},
+    {'D', 9, 7, SIGNAL_USART_RX, 3, 0},
 };
 enum { ROUTES = sizeof routes / sizeof routes[0] };
 
@@ -61,7 +70,8 @@ bool pin_of_usart(const struct board *b, int usart, bool transmit)
 {
     for (size_t i = 0; i < ROUTES; i++) {
         const struct route *r = &routes[i];
-        if (r->signal == (transmit ? SIGNAL_USART_TX : SIGNAL_USART_RX) && r->instance == usart && routed(b, r)) {
+        if (r->signal == (transmit ? SIGNAL_USART_TX : SIGNAL_USART_RX) && r->instance == usart &&
+            routed(b, r)) {
             return true;
         }
     }

@@ -26,11 +26,11 @@ enum {
     BUS_REGIONS = 7,
     BUS_PAGES = 256
 };
-#define NEVER       UINT64_MAX
-#define PS_PER_S    1000000000000ULL
-#define PS_PER_US   1000000ULL
-#define LSI_HZ      32000U
-#define HSI_HZ      16000000U
+#define NEVER     UINT64_MAX
+#define PS_PER_S  1000000000000ULL
+#define PS_PER_US 1000000ULL
+#define LSI_HZ    32000U
+#define HSI_HZ    16000000U
 
 /* ---- exceptions (ARMv7-M, PM0214 section 2.3) ---- */
 enum {
@@ -47,14 +47,7 @@ enum {
     EXC_IRQ0 = 16
 };
 /* Interrupt numbers used here, RM0090 table 62. */
-enum {
-    IRQ_EXTI0 = 6,
-    IRQ_ADC = 18,
-    IRQ_EXTI9_5 = 23,
-    IRQ_TIM1_UP = 25,
-    IRQ_USART1 = 37,
-    IRQ_EXTI15_10 = 40
-};
+enum { IRQ_EXTI0 = 6, IRQ_ADC = 18, IRQ_EXTI9_5 = 23, IRQ_TIM1_UP = 25, IRQ_USART1 = 37, IRQ_EXTI15_10 = 40 };
 
 /* ---- events: things that happen at a known time ---- */
 enum event_id {
@@ -90,9 +83,9 @@ struct nvic {
     uint32_t pending[4], active[4], enabled[4], line[4]; /* bit maps over exception numbers */
     uint8_t priority[BOARD_EXCEPTIONS];
     uint8_t prigroup;
-    unsigned best;        /* most urgent pending and enabled exception, 0 none */
-    int best_priority;    /* its number within all; smaller is more urgent */
-    int active_group;     /* group priority that now executes, masks aside; 256 in thread mode */
+    unsigned best;     /* most urgent pending and enabled exception, 0 none */
+    int best_priority; /* its number within all; smaller is more urgent */
+    int active_group;  /* group priority that now executes, masks aside; 256 in thread mode */
 };
 
 struct scb {
@@ -101,7 +94,7 @@ struct scb {
 
 struct systick {
     uint32_t ctrl, load;
-    uint64_t origin;  /* cycle at which the counter stood at `from` */
+    uint64_t origin; /* cycle at which the counter stood at `from` */
     uint32_t from;
     bool count_flag;
 };
@@ -120,8 +113,8 @@ struct rcc {
 struct flash {
     uint32_t acr, sr, cr, optcr;
     uint8_t key_step, opt_key_step;
-    bool window_open;   /* the array is writable for the store under way */
-    uint32_t window_sector;
+    uint64_t busy_until_ps;
+    uint32_t stale_first, stale_end; /* changed since the engine last looked; end 0: nothing */
 };
 
 struct gpio {
@@ -142,20 +135,20 @@ struct timer {
 struct usart {
     uint32_t sr, brr, cr1, cr2, cr3, gtpr;
     uint8_t rdr, tdr, shift;
-    bool sr_read;     /* first half of the read-SR-then-DR sequence */
+    bool sr_read; /* first half of the read-SR-then-DR sequence */
     bool tdr_full, shifting;
     struct inbound {
         uint64_t end_ps;
         float baud;
         uint8_t byte;
-    } *inbound;
+    } * inbound;
     size_t in_capacity, in_head, in_count;
     uint64_t line_free_ps; /* when the last byte queued so far has left the line */
 };
 
 struct adc {
     uint32_t sr, cr1, cr2, smpr[2], sqr[3], htr, ltr, jsqr, dr;
-    uint32_t rank;  /* next conversion of the sequence */
+    uint32_t rank; /* next conversion of the sequence */
     bool busy;
 };
 
@@ -187,16 +180,16 @@ struct region_of {
 struct board {
     uc_engine *uc;
     struct board_options options;
-    uint8_t *flash_array, *flash_shadow, *sram, *ccm, *system;
+    uint8_t *flash_array, *sram, *ccm, *system;
     struct region_of region[BUS_REGIONS];
     uint8_t bus_page[BUS_PAGES];
     struct block *flash_blocks; /* one per half-word of flash */
 
     /* time */
-    uint64_t now;        /* cycle at the beginning of the block that runs */
-    uint64_t moment;     /* cycle that peripherals see: an event's own, or the access's */
-    uint64_t break_at;   /* first cycle at which the block hook must leave the engine */
-    uint64_t target;     /* cycle up to which to run */
+    uint64_t now;      /* cycle at the beginning of the block that runs */
+    uint64_t moment;   /* cycle that peripherals see: an event's own, or the access's */
+    uint64_t break_at; /* first cycle at which the block hook must leave the engine */
+    uint64_t target;   /* cycle up to which to run */
     uint64_t target_ps;
     uint64_t stall_until; /* the core waits for flash */
     struct clock clock;
@@ -206,8 +199,8 @@ struct board {
     /* core */
     struct block current; /* block under way; cycles 0 when none is */
     uint32_t block_pc;
-    uint32_t accesses;    /* register accesses within the block */
-    uint32_t it_left;     /* the next block begins inside an IT block */
+    uint32_t accesses; /* register accesses within the block */
+    uint32_t it_left;  /* the next block begins inside an IT block */
     bool at_block, needs_check, reset_wanted, sleeping, locked_up, clock_dead, powered, no_fp;
     enum board_reset reset_cause;
     int trap;
@@ -312,7 +305,8 @@ uint64_t bus_read(uc_engine *uc, uint64_t offset, unsigned size, void *region);
 void bus_write(uc_engine *uc, uint64_t offset, unsigned size, uint64_t value, void *region);
 bool bus_map(struct board *b);
 void bus_reset_peripherals(struct board *b, unsigned rcc_bus, uint32_t bits);
-void note_oddity(struct board *b, uint32_t key, const char *format, ...) __attribute__((format(printf, 3, 4)));
+void note_oddity(struct board *b, uint32_t key, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
 
 /* one file each; false: no such register */
 bool rcc_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
@@ -323,8 +317,8 @@ uint32_t rcc_timer_divisor(const struct board *b, int timer);
 uint32_t rcc_usart_divisor(const struct board *b, int usart);
 bool flash_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 void flash_reset(struct board *b);
-bool flash_store(struct board *b, uint32_t address);
-void flash_close_window(struct board *b);
+bool flash_store(struct board *b, uint32_t address, uint32_t size, uint64_t value);
+void flash_forget_code(struct board *b);
 void flash_event(struct board *b);
 bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_t *value);
 void gpio_reset(struct board *b, int port);

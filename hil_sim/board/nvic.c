@@ -1,4 +1,5 @@
-/* The nested vectored interrupt controller: which exception is pending, active, enabled, and how urgent it is. */
+/* The nested vectored interrupt controller: which exception is pending, active, enabled, and how urgent it
+ * is. */
 #include "machine.h"
 
 enum { THREAD_PRIORITY = 256, PRIORITY_MASK = 0xF0 /* four bits are implemented, RM0090 12.1 */ };
@@ -23,7 +24,8 @@ static int full_priority(const struct board *b, unsigned exception)
 /* The part that decides on pre-emption (PRIGROUP, PM0214 2.3.6). */
 static int group_of(const struct board *b, int priority)
 {
-    return priority < 0 || priority == THREAD_PRIORITY ? priority : priority & ~((2 << b->nvic.prigroup) - 1) & 0xFF;
+    return priority < 0 || priority == THREAD_PRIORITY ? priority
+                                                       : priority & ~((2 << b->nvic.prigroup) - 1) & 0xFF;
 }
 
 int nvic_group(const struct board *b, unsigned exception)
@@ -38,7 +40,8 @@ void nvic_refresh(struct board *b)
     n->best = 0;
     int best = THREAD_PRIORITY;
     for (unsigned word = 0; word < 4; word++) {
-        for (uint32_t left = n->pending[word] & n->enabled[word] & ~n->active[word]; left != 0; left &= left - 1) {
+        for (uint32_t left = n->pending[word] & n->enabled[word] & ~n->active[word]; left != 0;
+             left &= left - 1) {
             unsigned exception = word * 32 + (unsigned)__builtin_ctz(left);
             int priority = full_priority(b, exception);
             if (priority < best) {

@@ -1,10 +1,18 @@
-/* Reset and clock control: oscillators that take their time, the clock tree, peripheral clocks, reset causes. */
+/* Reset and clock control: oscillators that take their time, the clock tree, peripheral clocks, reset causes.
+ */
 #include "machine.h"
 
 #include <string.h>
 
 enum { AHB1, AHB2, AHB3, APB1, APB2 };
-enum { HSION = 1 << 0, HSIRDY = 1 << 1, HSEON = 1 << 16, HSERDY = 1 << 17, HSEBYP = 1 << 18, CSSON = 1 << 19 };
+enum {
+    HSION = 1 << 0,
+    HSIRDY = 1 << 1,
+    HSEON = 1 << 16,
+    HSERDY = 1 << 17,
+    HSEBYP = 1 << 18,
+    CSSON = 1 << 19
+};
 enum { PLLON = 1 << 24, PLLRDY = 1 << 25, PLLI2SON = 1 << 26, PLLI2SRDY = 1 << 27 };
 enum { SW_HSI, SW_HSE, SW_PLL };
 enum { CSSF = 1 << 7, CSSC = 1 << 23 };
@@ -65,16 +73,17 @@ static void apply(struct board *b)
     }
     pins_update(b);
     if (sysclk > 168000000u) {
-        note_oddity(b, 0xF0000002u, "core clock %u Hz is above the 168 MHz of the datasheet", (unsigned)sysclk);
+        note_oddity(b, 0xF0000002u, "core clock %u Hz is above the 168 MHz of the datasheet",
+                    (unsigned)sysclk);
     }
     if (hz / ppre1 > 42000000u || hz / ppre2 > 84000000u) {
-        note_oddity(b, 0xF0000003u, "APB clock above its limit: APB1 %u Hz, APB2 %u Hz", (unsigned)(hz / ppre1),
-             (unsigned)(hz / ppre2));
+        note_oddity(b, 0xF0000003u, "APB clock above its limit: APB1 %u Hz, APB2 %u Hz",
+                    (unsigned)(hz / ppre1), (unsigned)(hz / ppre2));
     }
     /* 30 MHz for each wait state at 2.7 to 3.6 V, RM0090 table 10. */
     if (hz > 30000000u * ((b->flash.acr & 7u) + 1)) {
-        note_oddity(b, 0xF0000004u, "flash has %u wait states at %u Hz: too few", (unsigned)(b->flash.acr & 7u),
-             (unsigned)hz);
+        note_oddity(b, 0xF0000004u, "flash has %u wait states at %u Hz: too few",
+                    (unsigned)(b->flash.acr & 7u), (unsigned)hz);
     }
 }
 
@@ -106,7 +115,8 @@ void rcc_event(struct board *b, unsigned id)
 }
 
 /* An oscillator's switch: when it goes on, its ready flag follows later; off takes both at once. */
-static void turn(struct board *b, uint32_t before, uint32_t on, uint32_t ready, unsigned event, uint64_t delay)
+static void turn(struct board *b, uint32_t before, uint32_t on, uint32_t ready, unsigned event,
+                 uint64_t delay)
 {
     if ((b->rcc.cr & on) == 0) {
         b->rcc.cr &= ~ready;

@@ -1,4 +1,5 @@
-/* The system control block, the FPU's control registers, DWT and debug registers of the core, PM0214 4.4 and 4.6. */
+/* The system control block, the FPU's control registers, DWT and debug registers of the core, PM0214 4.4
+ * and 4.6. */
 #include "machine.h"
 
 enum { VECTKEY = 0x05FA, TRCENA = 1 << 24 };
@@ -49,9 +50,8 @@ static uint32_t shcsr(const struct board *b)
 {
     static const struct {
         uint8_t exception, active_bit, pending_bit;
-    } map[] = {{EXC_MEMORY_FAULT, 0, 13}, {EXC_BUS_FAULT, 1, 14}, {EXC_USAGE_FAULT, 3, 12},
-               {EXC_SVC, 7, 15},          {EXC_DEBUG, 8, 31},     {EXC_PENDSV, 10, 31},
-               {EXC_SYSTICK, 11, 31}};
+    } map[] = {{EXC_MEMORY_FAULT, 0, 13}, {EXC_BUS_FAULT, 1, 14}, {EXC_USAGE_FAULT, 3, 12}, {EXC_SVC, 7, 15},
+               {EXC_DEBUG, 8, 31},        {EXC_PENDSV, 10, 31},   {EXC_SYSTICK, 11, 31}};
     uint32_t value = b->scb.shcsr & (7u << 16);
     for (size_t i = 0; i < sizeof map / sizeof map[0]; i++) {
         value |= nvic_bit(b->nvic.active, map[i].exception) ? 1u << map[i].active_bit : 0;
@@ -82,8 +82,9 @@ static bool plain(struct board *b, uint32_t offset, bool write, uint32_t *value)
 {
     struct {
         uint32_t offset, *store, mask;
-    } map[] = {{0xD08, &b->scb.vtor, 0x3FFFFE00u}, {0xD10, &b->scb.scr, 0x16},      {0xD14, &b->scb.ccr, 0x31B},
-               {0xD34, &b->scb.mmfar, ~0u},        {0xD38, &b->scb.bfar, ~0u},      {0xF34, &b->scb.fpccr, ~0u},
+    } map[] = {{0xD08, &b->scb.vtor, 0x3FFFFE00u}, {0xD10, &b->scb.scr, 0x16},
+               {0xD14, &b->scb.ccr, 0x31B},        {0xD34, &b->scb.mmfar, ~0u},
+               {0xD38, &b->scb.bfar, ~0u},         {0xF34, &b->scb.fpccr, ~0u},
                {0xF38, &b->scb.fpcar, ~7u},        {0xF3C, &b->scb.fpdscr, 0x7C00000u},
                {0xDFC, &b->scb.demcr, 0x010F07F1u}};
     for (size_t i = 0; i < sizeof map / sizeof map[0]; i++) {
@@ -98,9 +99,10 @@ static bool plain(struct board *b, uint32_t offset, bool write, uint32_t *value)
     }
     static const struct {
         uint32_t offset, value;
-    } fixed[] = {{0xD00, 0x410FC241u}, {0x004, 2}, {0x008, 0}, {0xD40, 0x30}, {0xD44, 0x200}, {0xD48, 0x100000},
-                 {0xD50, 0x30}, {0xD60, 0x01101110}, {0xD64, 0x02112000}, {0xD68, 0x21232231}, {0xD6C, 0x01111131},
-                 {0xD70, 0x01310132}, {0xD90, 0}, {0xDF0, 0}, {0xF40, 0x10110021}, {0xF44, 0x11000011}};
+    } fixed[] = {{0xD00, 0x410FC241u}, {0x004, 2},          {0x008, 0},          {0xD40, 0x30},
+                 {0xD44, 0x200},       {0xD48, 0x100000},   {0xD50, 0x30},       {0xD60, 0x01101110},
+                 {0xD64, 0x02112000},  {0xD68, 0x21232231}, {0xD6C, 0x01111131}, {0xD70, 0x01310132},
+                 {0xD90, 0},           {0xDF0, 0},          {0xF40, 0x10110021}, {0xF44, 0x11000011}};
     for (size_t i = 0; i < sizeof fixed / sizeof fixed[0]; i++) {
         if (fixed[i].offset == offset) {
             *value = write ? *value : fixed[i].value;

@@ -1,4 +1,5 @@
-/* Peripherals of a few registers: random numbers, external interrupts, SYSCFG, power control, debug identity. */
+/* Peripherals of a few registers: random numbers, external interrupts, SYSCFG, power control, debug identity.
+ */
 #include "machine.h"
 
 /* One step of xorshift64*; the board's seed decides the sequence. */

@@ -30,7 +30,8 @@ static void find_next(struct board *b)
     core_update_break(b);
 }
 
-/* The core's clock changes at this moment: events in real time keep their time, those in cycles their count. */
+/* The core's clock changes at this moment: events in real time keep their time, those in cycles their count.
+ */
 void time_set_hz(struct board *b, uint32_t hz)
 {
     b->clock.segment_ps = time_to_ps(b, b->moment);

@@ -194,13 +194,15 @@ static void write_register(struct board *b, int timer, uint32_t offset, uint32_t
     case 0x08:
         t->smcr = value;
         if ((value & 7u) > 3) {
-            note_oddity(b, 0xF0000020u + (uint32_t)timer, "TIM%d slave mode %u is not modelled", timer, (unsigned)value & 7u);
+            note_oddity(b, 0xF0000020u + (uint32_t)timer, "TIM%d slave mode %u is not modelled", timer,
+                        (unsigned)value & 7u);
         }
         break;
     case 0x0C:
         t->dier = value;
         if ((value & ~(uint32_t)UIE) != 0) {
-            note_oddity(b, 0xF0000030u + (uint32_t)timer, "TIM%d interrupts other than update are not modelled", timer);
+            note_oddity(b, 0xF0000030u + (uint32_t)timer,
+                        "TIM%d interrupts other than update are not modelled", timer);
         }
         break;
     case 0x10:
@@ -258,9 +260,9 @@ static void write_register(struct board *b, int timer, uint32_t offset, uint32_t
 static uint32_t read_register(struct board *b, int timer, uint32_t offset)
 {
     struct timer *t = &b->timer[timer];
-    const uint32_t plain[] = {t->cr1,    t->cr2,    t->smcr,   t->dier, t->sr,  0,      t->ccmr[0],
-                              t->ccmr[1], t->ccer,  0,         t->psc,  t->arr, t->rcr, t->ccr[0],
-                              t->ccr[1], t->ccr[2], t->ccr[3], t->bdtr, t->dcr, 0,      t->option};
+    const uint32_t plain[] = {t->cr1,     t->cr2,    t->smcr,   t->dier, t->sr,  0,      t->ccmr[0],
+                              t->ccmr[1], t->ccer,   0,         t->psc,  t->arr, t->rcr, t->ccr[0],
+                              t->ccr[1],  t->ccr[2], t->ccr[3], t->bdtr, t->dcr, 0,      t->option};
     if (offset == 0x24 || offset == 0x10 || offset == 0x00) {
         timer_sync(b, timer);
         if (offset == 0x10) {
@@ -283,7 +285,8 @@ static uint32_t read_register(struct board *b, int timer, uint32_t offset)
 bool timer_access(struct board *b, int timer, uint32_t offset, bool write, uint32_t *value)
 {
     bool exists = offset <= 0x50 && (offset & 3u) == 0 && offset != 0x4C;
-    exists = exists && (!basic(timer) || offset <= 0x14 || offset == 0x24 || offset == 0x28 || offset == 0x2C);
+    exists =
+        exists && (!basic(timer) || offset <= 0x14 || offset == 0x24 || offset == 0x28 || offset == 0x2C);
     if (!exists) {
         return false;
     }

@@ -60,7 +60,8 @@ bool timer_is_encoder(const struct board *b, int timer)
     return able && mode >= 1 && mode <= 3;
 }
 
-/* Which encoder hangs on channels 1 and 2: +n straight, -n with the phases swapped, 0 none (n counts from 1). */
+/* Which encoder hangs on channels 1 and 2: +n straight, -n with the phases swapped, 0 none (n counts from 1).
+ */
 static int source_of(const struct board *b, int timer)
 {
     struct board_pin one;
@@ -104,7 +105,8 @@ static int64_t position_now(struct board *b, int timer, int source)
     const struct board_wires *wires = &b->options.wires;
     int encoder = source < 0 ? -source - 1 : source - 1;
     int64_t position = wires->encoder_position(wires->context, encoder, time_to_ps(b, b->moment));
-    bool invert_one = (t->ccer & 1u << 1) != 0; /* CC1P, CC2P: each inverted phase turns the direction round */
+    bool invert_one =
+        (t->ccer & 1u << 1) != 0; /* CC1P, CC2P: each inverted phase turns the direction round */
     bool invert_two = (t->ccer & 1u << 5) != 0;
     int64_t counted = edges(t->smcr & 7u, source < 0, position);
     bool reverse = (source < 0) != (invert_one != invert_two);

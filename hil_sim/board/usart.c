@@ -119,15 +119,17 @@ void usart_rx_event(struct board *b, int usart)
         return;
     }
     if (!pin_of_usart(b, usart, false)) {
-        note_oddity(b, 0xF0000050u + (uint32_t)usart, "a byte came in for USART%d, but no pin carries its RX", usart);
+        note_oddity(b, 0xF0000050u + (uint32_t)usart, "a byte came in for USART%d, but no pin carries its RX",
+                    usart);
         return;
     }
     uint8_t byte = in.byte;
     if (!matches((double)in.baud, baud(b, usart))) {
         byte = garbled(byte, (double)in.baud, baud(b, usart));
         u->sr |= FE;
-        note_oddity(b, 0xF0000060u + (uint32_t)usart, "USART%d hears %.0f baud while set to %.0f: bytes garbled", usart,
-             (double)in.baud, baud(b, usart));
+        note_oddity(b, 0xF0000060u + (uint32_t)usart,
+                    "USART%d hears %.0f baud while set to %.0f: bytes garbled", usart, (double)in.baud,
+                    baud(b, usart));
     }
     trace_add(b, TRACE_RX, (uint32_t)usart, byte);
     if ((u->sr & RXNE) != 0) {
@@ -222,7 +224,8 @@ static void write_data(struct board *b, int usart, uint32_t value)
 {
     struct usart *u = &b->usart[usart];
     if (u->tdr_full) {
-        note_oddity(b, 0xF0000070u + (uint32_t)usart, "USART%d data written while TXE is 0: a byte is overwritten", usart);
+        note_oddity(b, 0xF0000070u + (uint32_t)usart,
+                    "USART%d data written while TXE is 0: a byte is overwritten", usart);
     }
     u->tdr = (uint8_t)value;
     u->tdr_full = true;
@@ -234,7 +237,8 @@ static void check_modes(struct board *b, int usart)
 {
     const struct usart *u = &b->usart[usart];
     if ((u->cr1 & (PCE | M)) != 0 || (u->cr2 & 1u << 14) != 0 || (u->cr3 & 0xFEu) != 0) {
-        note_oddity(b, 0xF0000080u + (uint32_t)usart, "USART%d: only 8N1 without DMA and flow control is modelled", usart);
+        note_oddity(b, 0xF0000080u + (uint32_t)usart,
+                    "USART%d: only 8N1 without DMA and flow control is modelled", usart);
     }
 }
 

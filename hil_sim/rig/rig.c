@@ -1,14 +1,15 @@
-/* Connects board and plant in lock step: before either is looked at, the plant is brought to that very time. */
+/* Connects board and plant in lock step: before either is looked at, the plant is brought to that very time.
+ */
 #include "rig.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define PS_PER_US   1000000ULL
-#define CRYSTAL_HZ  8000000U
-#define LINK_BAUD   921600.0
-#define DIVIDER     (1.0 / 11.0) /* 10 kOhm over 1 kOhm */
+#define PS_PER_US  1000000ULL
+#define CRYSTAL_HZ 8000000U
+#define LINK_BAUD  921600.0
+#define DIVIDER    (1.0 / 11.0) /* 10 kOhm over 1 kOhm */
 
 /* Pins of the target board; the same table is in firmware/README.md for the people who solder. */
 static const struct board_pin bridge_pins[RIG_WHEELS][2] = {{{'A', 8}, {'A', 9}}, {{'A', 10}, {'A', 11}}};
@@ -79,7 +80,8 @@ static void pin_driven(void *context, struct board_pin pin, double duty, uint64_
     }
 }
 
-/* Counts that the two phases make with one of them at rest: the other toggles to and fro between two states. */
+/* Counts that the two phases make with one of them at rest: the other toggles to and fro between two states.
+ */
 static int64_t as_wired(enum rig_encoder_fault fault, int64_t position)
 {
     int64_t state = (int64_t)((uint64_t)position & 3u);
@@ -102,7 +104,8 @@ static int64_t encoder_position(void *context, int encoder, uint64_t time_ps)
 {
     struct rig *r = context;
     advance_plant(r, time_ps);
-    int64_t position = r->plant == NULL || encoder >= RIG_WHEELS ? 0 : plant_encoder_position(r->plant, encoder);
+    int64_t position =
+        r->plant == NULL || encoder >= RIG_WHEELS ? 0 : plant_encoder_position(r->plant, encoder);
     return as_wired(r->encoder[encoder].fault, position) + r->encoder[encoder].offset;
 }
 
@@ -142,7 +145,8 @@ static bool grow_sent(struct rig *r)
 static void usart_sent(void *context, int usart, uint8_t byte, double line_baud, uint64_t time_ps)
 {
     struct rig *r = context;
-    if (usart != RIG_LINK_USART || r->link_baud <= 0 || (r->sent_count == r->sent_capacity && !grow_sent(r))) {
+    if (usart != RIG_LINK_USART || r->link_baud <= 0 ||
+        (r->sent_count == r->sent_capacity && !grow_sent(r))) {
         return;
     }
     if (fabs(line_baud / r->link_baud - 1) > 0.03) {

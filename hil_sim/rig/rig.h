@@ -37,8 +37,8 @@ bool rig_flash(struct rig *rig, uint32_t address, const uint8_t *data, size_t le
 void rig_run_us(struct rig *rig, uint64_t span_us);
 uint64_t rig_time_us(const struct rig *rig);
 
-/* The link, USART3. Bytes to the board enter the line now, one after the other; bytes from it can be fetched once
-   they have been shifted out. */
+/* The link, USART3. Bytes to the board enter the line now, one after the other; bytes from it can be fetched
+   once they have been shifted out. */
 void rig_link_write(struct rig *rig, const uint8_t *data, size_t length);
 size_t rig_link_read(struct rig *rig, uint8_t *out, size_t capacity);
 size_t rig_link_pending(const struct rig *rig); /* bytes to the board still on the line */
@@ -54,12 +54,14 @@ double rig_led(const struct rig *rig);
 
 /* Faults. Each holds from the present time until it is taken back. */
 void rig_encoder_fault(struct rig *rig, int wheel, enum rig_encoder_fault fault);
-void rig_swap_motors(struct rig *rig, bool swapped);            /* each bridge drives the other wheel's motor */
+void rig_swap_motors(struct rig *rig, bool swapped); /* each bridge drives the other wheel's motor */
 void rig_motor_connected(struct rig *rig, int wheel, bool connected);
-void rig_battery_sense_connected(struct rig *rig, bool connected); /* the divider loses the battery, motors keep it */
-void rig_bench_voltage(struct rig *rig, double volts);          /* the divider sees a bench supply; below 0: the battery */
+void rig_battery_sense_connected(struct rig *rig,
+                                 bool connected); /* the divider loses the battery, motors keep it */
+void rig_bench_voltage(struct rig *rig,
+                       double volts); /* the divider sees a bench supply; below 0: the battery */
 void rig_crystal_alive(struct rig *rig, bool alive);
-void rig_power(struct rig *rig, bool on);                       /* the board's supply; off also releases the bridges */
+void rig_power(struct rig *rig, bool on); /* the board's supply; off also releases the bridges */
 void rig_reset(struct rig *rig, enum board_reset cause);
 
 #pragma GCC visibility pop
