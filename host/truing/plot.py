@@ -35,6 +35,8 @@ STYLE: dict[Any, Any] = {
     "legend.fontsize": 8.5,
 }
 PATH_LABELS = {"odometry": "on-board odometry", "wheel travel": "computed from wheel travel"}
+# The right wheel is drawn thinner and on top, so that equal curves still show both.
+LINE_WIDTHS = (2.6, 1.2)
 # Heading marks along the path.
 HEADINGS = 12
 
@@ -90,9 +92,9 @@ def _footer(view: RunView) -> str:
 def _draw_speeds(axes: Axes, view: RunView) -> None:
     axes.axhline(0.0, color="#b0b0b0", linewidth=0.8)
     # Measured first, then command, then model: the legend pairs the wheels in columns.
-    for wheel, curves in view.wheels:
+    for (wheel, curves), width in zip(view.wheels, LINE_WIDTHS, strict=True):
         label = f"{wheel}, measured"
-        axes.plot(view.middle_s, curves.speed, color=COLOURS[wheel], linewidth=1.7, zorder=3, label=label)
+        axes.plot(view.middle_s, curves.speed, color=COLOURS[wheel], linewidth=width, zorder=3, label=label)
     for wheel, curves in view.wheels:
         if curves.commanded is None or (view.same_command and wheel == "right"):
             continue
@@ -119,8 +121,7 @@ def _draw_speeds(axes: Axes, view: RunView) -> None:
 
 def _draw_efforts(axes: Axes, view: RunView) -> None:
     axes.axhline(0.0, color="#b0b0b0", linewidth=0.8)
-    # The right wheel is drawn thinner on top, so that equal efforts still show both.
-    for (wheel, curves), width in zip(view.wheels, (2.2, 1.1), strict=True):
+    for (wheel, curves), width in zip(view.wheels, LINE_WIDTHS, strict=True):
         axes.step(view.t_s, curves.effort, where="pre", color=COLOURS[wheel], linewidth=width, label=wheel)
     axes.set_title("Applied effort")
     axes.set_ylabel("effort, % of supply")

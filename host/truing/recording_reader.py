@@ -121,8 +121,6 @@ def _read_text(path: Path) -> str:
         raise FileError(path, "no such file") from None
     except OSError as error:
         raise FileError(path, f"cannot be read: {error.strerror}") from None
-    if not data.strip():
-        raise RecordingError(path, "the file is empty", next_step="Record the run, or fetch its log, again")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -147,6 +145,8 @@ def _split(path: Path, text: str) -> tuple[list[list[str]], bool]:
         rows = [line.split(",") if line else [] for line in lines]
     while rows and not any(cell.strip() for cell in rows[-1]):
         rows.pop()
+    if not rows:
+        raise RecordingError(path, "the file is empty", next_step="Record the run, or fetch its log, again")
     return rows, text.find("_", text.find("\n")) < 0
 
 

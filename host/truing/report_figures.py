@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from truing.plot import PATH_LABELS, path_window
+from truing.plot import LINE_WIDTHS, PATH_LABELS, path_window
 from truing.recording import FloatArray
 from truing.run_view import COLOURS, NEUTRAL, REFERENCE, PathView, RunView
 
@@ -43,8 +43,8 @@ def run_figures(view: RunView) -> dict[str, Figure]:
 
 def _speeds(view: RunView) -> Figure:
     traces: list[dict[str, Any]] = []
-    for wheel, curves in view.wheels:
-        line = {"color": COLOURS[wheel], "width": 2}
+    for (wheel, curves), width in zip(view.wheels, LINE_WIDTHS, strict=True):
+        line = {"color": COLOURS[wheel], "width": width}
         traces.append(_line(view.middle_s, curves.speed, f"{wheel}, measured", line, "m/s"))
     for wheel, curves in view.wheels:
         if curves.commanded is None or (view.same_command and wheel == "right"):
@@ -56,7 +56,7 @@ def _speeds(view: RunView) -> Figure:
         if curves.simulated is not None:
             line = {"color": COLOURS[wheel], "width": 1.5, "dash": "dot"}
             traces.append(_line(view.middle_s, curves.simulated, f"{wheel}, model (free run)", line, "m/s"))
-    for (wheel, curves), width in zip(view.wheels, (2.6, 1.3), strict=True):
+    for (wheel, curves), width in zip(view.wheels, LINE_WIDTHS, strict=True):
         line = {"color": COLOURS[wheel], "width": width, "shape": "vh"}
         trace = _line(view.t_s, curves.effort, f"{wheel}, effort", line, "%")
         traces.append(trace | {"yaxis": "y2", "showlegend": False})

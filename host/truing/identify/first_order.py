@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 from truing.baseline import Baseline
 from truing.identify.quantity import Quantity
-from truing.identify.uncertainty import covariance
+from truing.identify.uncertainty import half_widths
 from truing.recording import FloatArray, Run, Wheel
 
 # Starting time constants per decade; every local minimum of this scan is a start.
@@ -262,7 +262,6 @@ def _intervals(
     jacobian = np.stack((slope_gain / gain, slope_log), axis=1)
     interval = float(np.median(data.interval[data.weight > 0.0]))
     block = max(int(time_constant / BLOCKS_PER_TIME_CONSTANT / interval), 1)
-    spread, quantile = covariance(jacobian, residual, data.weight, data.run_of, block)
-    half_gain = quantile * float(np.sqrt(spread[0, 0]))
-    factor = float(np.exp(min(quantile * float(np.sqrt(spread[1, 1])), 50.0)))
+    half_gain, half_log = half_widths(jacobian, residual, data.weight, data.run_of, block).tolist()
+    factor = float(np.exp(min(half_log, 50.0)))
     return (gain - half_gain, gain + half_gain), (time_constant / factor, time_constant * factor)

@@ -22,6 +22,8 @@ BEFORE_S = 0.1
 STAND_OUT = 3.0
 # Ripple above this share of the steady speed is worth a note.
 LARGE_RIPPLE = 0.1
+# A time constant of fewer rows than this hangs on the interpolation between them.
+FEW_ROWS = 2.0
 # A steady window whose halves differ by more than this share of the step had not settled.
 SETTLED_SHARE = 0.02
 
@@ -78,6 +80,8 @@ def _measure(run: Run, wheel: Wheel, speed: WheelSpeed, level: Level, number: in
         if abs(drift) > max(SETTLED_SHARE * abs(change), STAND_OUT * ripple) and change != 0.0:
             share = 100.0 * abs(drift / change)
             notes.append(f"not settled: the speed still moved by {share:.0f} % of the step")
+        if time_constant.value is not None and time_constant.value < FEW_ROWS * run.interval_s:
+            notes.append(f"coarse: a row of the log is {run.interval_s:.3g} s, more than half of τ")
         large = max(LARGE_RIPPLE * abs(steady), 2.0 * speed.resolution)
         if level.value != 0.0 and ripple > large:
             notes.append(f"the steady speed of {steady:.3g} m/s ripples by {ripple:.2g} m/s")
