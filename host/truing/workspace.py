@@ -17,8 +17,9 @@ def root() -> Path:
 
 
 def out_folder() -> Path:
-    """Where results go unless the user says otherwise."""
-    return root() / "out"
+    """Where results go unless the user says otherwise: $TRUING_OUT, or `out` in the repository."""
+    named = os.environ.get("TRUING_OUT")
+    return Path(named) if named else root() / "out"
 
 
 def recording_folder(board_id: str | None) -> Path:

@@ -39,7 +39,7 @@ def test_one_spoiled_byte_in_a_hundred_changes_nothing_but_the_time(seed: int) -
     assert data == board.logs[0].data
     assert report.again_bytes > 0
     print(
-        f"{report.bytes} bytes, {report.requests} requests, {report.again_bytes} again, {report.seconds:.2f} s"
+        f"{report.bytes} bytes, {report.requests} reads, {report.again_bytes} again, {report.seconds:.2f} s"
     )
     assert report.asked_bytes < 4 * report.bytes
 

@@ -28,6 +28,28 @@ def json_option(function: Command) -> Command:
     return wrapper  # type: ignore[return-value]
 
 
+def virtual_options(function: Command) -> Command:
+    """`--seed`, `--robot`, `--image`: which virtual board."""
+    options = (
+        click.option(
+            "--seed", type=click.IntRange(min=0), help="Seed of a virtual board's noise.  [default: 1]"
+        ),
+        click.option(
+            "--robot",
+            type=click.Path(exists=True, dir_okay=False, path_type=Path),
+            help="TOML file with what a virtual robot has other than the paper's robot.",
+        ),
+        click.option(
+            "--image",
+            type=click.Path(exists=True, dir_okay=False, path_type=Path),
+            help="Firmware image (ELF) that a virtual board runs instead of the built one.",
+        ),
+    )
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
 def board_options(function: Command) -> Command:
     """`--port`, `--seed`, `--robot`, `--image` after the subcommand; `--json` and the `App` as well.
 
@@ -36,17 +58,7 @@ def board_options(function: Command) -> Command:
 
     @json_option
     @click.option("--port", "port_here", metavar="PORT", help="Where the board is, as `truing --port`.")
-    @click.option("--seed", type=click.IntRange(min=0), help="Seed of a virtual board's noise.  [default: 1]")
-    @click.option(
-        "--robot",
-        type=click.Path(exists=True, dir_okay=False, path_type=Path),
-        help="TOML file with what a virtual robot has other than the paper's robot.",
-    )
-    @click.option(
-        "--image",
-        type=click.Path(exists=True, dir_okay=False, path_type=Path),
-        help="Firmware image (ELF) that a virtual board runs instead of the built one.",
-    )
+    @virtual_options
     @functools.wraps(function)
     def wrapper(
         app: App,

@@ -97,10 +97,10 @@ def command(app: App, folder: Path | None, yes: bool) -> None:
     )
     gains = [c.gain for c in compared if not c.test.is_effort and c.gain is not None]
     app.say(
-        f"Velocity mode, {velocity.count} gains: {min(gains, default=0):.2f} to {max(gains, default=0):.2f} here, "
-        "where the paper reads 1.01 to 1.08. The controller's integral\naction leaves no steady error against "
-        "its own encoders; the paper does not say where its excess comes from, and\nthe controller is not bent "
-        "to match it."
+        f"Velocity mode, {velocity.count} gains: {min(gains, default=0):.2f} to {max(gains, default=0):.2f} "
+        "here, where the paper reads 1.01 to 1.08. The controller's integral action\nleaves no steady error "
+        "against its own encoders; the paper does not say where its excess comes from, and the\ncontroller "
+        "is not bent to match it."
     )
     app.say(f"Gains in mm/s per % of effort, or m/s per m/s; time constants in s. The runs: {folder}")
 

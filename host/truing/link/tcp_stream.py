@@ -9,6 +9,9 @@ import time
 from truing.errors import LinkClosed, LinkTimeout, PortError
 
 _RECEIVE_BYTES = 65_536
+# A virtual board that is in use says so in plain text before it hangs up.
+_REFUSED = b"refused: "
+_FIRST_BYTES = 200
 _CONNECT_TIMEOUT_S = 3.0
 _WRITE_TIMEOUT_S = 2.0
 
@@ -30,6 +33,7 @@ class TcpStream:
         # Requests are small and each waits for its reply: Nagle's algorithm would hold them up.
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setblocking(False)
+        self._first = b""
 
     @property
     def name(self) -> str:
@@ -61,7 +65,15 @@ class TcpStream:
         except (OSError, ValueError) as error:
             raise self._closed(str(error)) from error
         if not data:
+            if self._first.startswith(_REFUSED):
+                reason = self._first[len(_REFUSED) :].decode(errors="replace").strip()
+                raise PortError(
+                    f"{self._name}: another host is connected to this board ({reason})",
+                    "close the other program, or start another board with `truing board --tcp 0`",
+                )
             raise self._closed("the other end hung up")
+        if len(self._first) < _FIRST_BYTES:
+            self._first += data[:_FIRST_BYTES]
         return data
 
     def sleep(self, seconds: float) -> None:

@@ -1,0 +1,54 @@
+"""The whole chain for tests: host, line, flashed image, simulated robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import truing_protocol as tp
+from hil_sim import VirtualRobot
+from support.faulty_stream import FaultyStream
+from support.image_variable import member_offset
+from truing.device import Device
+from truing.link.client import Client
+from truing.link.virtual_stream import VirtualStream
+
+
+class Chain:
+    """A virtual robot with the flashed image, and hosts that come and go on its line.
+
+    Parameters
+    ----------
+    on_time : called with the virtual time after every step of it, to break things on cue.
+    """
+
+    def __init__(self, image: Path, seed: int = 1, on_time: Callable[[float], None] | None = None) -> None:
+        self.image = image
+        self.robot = VirtualRobot(image, seed=seed)
+        self.stream = VirtualStream(self.robot, on_time=on_time)
+
+    def __enter__(self) -> Chain:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.robot.close()
+
+    def host(self) -> Device:
+        """A host on the line as it is."""
+        return Device(Client(self.stream))
+
+    def host_on_bad_line(self, share: float, seed: int, cut_after_bytes: int | None = None) -> Device:
+        """A host on a line that spoils that share of the bytes, in both directions."""
+        return Device(Client(FaultyStream(self.stream, share, seed, cut_after_bytes)))
+
+    def ring(self) -> bytes:
+        """The log's ring as it lies in the board's RAM."""
+        address, _ = self.robot.symbol("controller")
+        offset, size = member_offset(self.image, "controller", "robot", "log", "ring")
+        assert size == tp.LOG_BLOCK_SIZE * tp.LOG_BLOCK_COUNT
+        return self.robot.read_memory(address + offset, size)
+
+    def in_ram(self, offset: int, length: int) -> bytes:
+        """Bytes of the log by absolute offset, straight from RAM."""
+        ring = self.ring()
+        return bytes(ring[at % len(ring)] for at in range(offset, offset + length))
