@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -44,6 +45,9 @@ class Interrupts:
     @contextmanager
     def caught(self) -> Iterator[Interrupts]:
         """Catch SIGINT, SIGTERM and SIGHUP while the block runs."""
+        if threading.current_thread() is not threading.main_thread():
+            yield self  # only the main thread may catch signals; whoever runs this one asks in another way
+            return
         signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         before = {number: signal.signal(number, self._remember) for number in signals}
         try:

@@ -12,7 +12,7 @@ from typing import Any
 from truing import __version__
 from truing.board_state import BoardLog, Parameter, format_f32
 from truing.device import Device
-from truing.errors import LogError
+from truing.errors import Interrupted, LinkClosed, LinkTimeout, LogError
 from truing.floor import MotionModel
 from truing.log_columns import run_from_records
 from truing.log_decode import DecodedLog, decode_log
@@ -47,7 +47,15 @@ def fetch_log(
     log = device.log(log_id)
     # A virtual board inside this process dies with it: there is nothing to resume later.
     partial = None if device.client.stream.virtual else _partial_path(device, log)
-    data, report = device.read_log(log, partial=partial, progress=progress)
+    try:
+        data, report = device.read_log(log, partial=partial, progress=progress)
+    except (Interrupted, LinkClosed, LinkTimeout) as error:
+        if partial is not None:
+            error.next_step = (
+                f"what has arrived is kept: `truing log fetch {log.log_id}` goes on from there "
+                "as long as the board stays switched on"
+            )
+        raise
     decoded = decode_log(data, log.offset, log.log_id)
     for lost in decoded.lost:
         _LOG.warning("log %d: the block at byte %d is lost: %s", log.log_id, lost.offset, lost.reason)

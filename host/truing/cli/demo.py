@@ -33,7 +33,6 @@ def command(app: App) -> None:
     import shutil
 
     from truing.cli.driving import drive_on, warn_and_ask
-    from truing.drive import Interrupts
     from truing.plan import load_plan
     from truing.recording_reader import read_recording_set
     from truing.workspace import out_folder
@@ -41,9 +40,8 @@ def command(app: App) -> None:
     out = out_folder() / "demo"
     shutil.rmtree(out, ignore_errors=True)
     written: list[Path] = []
-    interrupts = Interrupts()
     plan = load_plan(PLAN)
-    with app.open_device(lasting=False) as device, interrupts.caught():
+    with app.open_device(lasting=False) as device:
         began = device.client.stream.now_s()
         app.note(
             f"board: {device.info.board_name}, firmware {device.info.firmware_version}, on {device.info.port}"
@@ -51,7 +49,7 @@ def command(app: App) -> None:
         )
         parameters = device.parameters()
         warn_and_ask(app, device, parameters, plan, ask=True)
-        saved = drive_on(app, device, parameters, plan, out / "recordings", "paper_XI", interrupts)
+        saved = drive_on(app, device, parameters, plan, out / "recordings", "paper_XI")
         took = device.client.stream.now_s() - began
     app.note(
         f"log {saved.fetched.log.log_id}: {len(saved.run)} records, {saved.fetched.report.bytes} bytes, "

@@ -13,7 +13,6 @@ from truing.cli.app import App
 if TYPE_CHECKING:
     from truing.board_state import Parameter
     from truing.device import Device
-    from truing.drive import Interrupts
     from truing.plan import Plan
     from truing.recording import Run
     from truing.run_saver import FetchedLog
@@ -45,13 +44,10 @@ class SavedRun:
 
 def drive_and_save(app: App, plan: Plan, folder: Path | None, label: str, *, ask: bool) -> SavedRun:
     """Open the board, drive the plan on it and add the run to a set."""
-    from truing.drive import Interrupts
-
-    interrupts = Interrupts()
-    with app.open_device(lasting=False) as device, interrupts.caught():
+    with app.open_device(lasting=False) as device:
         parameters = device.parameters()
         warn_and_ask(app, device, parameters, plan, ask=ask)
-        return drive_on(app, device, parameters, plan, folder, label, interrupts)
+        return drive_on(app, device, parameters, plan, folder, label)
 
 
 def warn_and_ask(
@@ -76,23 +72,26 @@ def drive_on(
     plan: Plan,
     folder: Path | None,
     label: str,
-    interrupts: Interrupts,
     *,
     quiet: bool = False,
 ) -> SavedRun:
     """Drive a plan on a board that is open, fetch its log, add it to a set.
 
+    From before the start until the log is here, Ctrl-C stops the wheels and ends the command.
     `quiet` leaves the progress to a caller who drives several plans.
     """
-    from truing.drive import drive
+    from truing.drive import Interrupts, drive
     from truing.run_saver import baseline_text, fetch_log, run_of, save_run
     from truing.workspace import recording_folder
 
-    with app.progress("driving", shown=not quiet) as progress:
-        driven = drive(device, plan, interrupts=interrupts, progress=progress, say=app.note)
-    device.client.interrupted = lambda: interrupts.requested
-    with app.progress("fetching", shown=not quiet) as progress:
-        fetched = fetch_log(device, driven.log_id, progress)
+    interrupts = Interrupts()
+    with interrupts.caught():
+        with app.progress("driving", shown=not quiet) as progress:
+            driven = drive(device, plan, interrupts=interrupts, progress=progress, say=app.note)
+        device.client.interrupted = lambda: interrupts.requested
+        with app.progress("fetching", shown=not quiet) as progress:
+            fetched = fetch_log(device, driven.log_id, progress)
+    device.client.interrupted = lambda: False
     seed = app.seed if app.is_virtual else None
     run = run_of(device, fetched, label, parameters=parameters, plan=plan, seed=seed)
     folder = folder or recording_folder(None if app.is_virtual else device.info.board_id)

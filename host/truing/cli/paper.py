@@ -37,7 +37,6 @@ def command(app: App, folder: Path | None, yes: bool) -> None:
     import shutil
 
     from truing.cli.driving import drive_on, warn_and_ask
-    from truing.drive import Interrupts
     from truing.identify.identification import identify_set
     from truing.paper_tests import PAPER_TESTS, compare, gain_errors, tau_to_zero_s
     from truing.plan import load_plan
@@ -47,16 +46,15 @@ def command(app: App, folder: Path | None, yes: bool) -> None:
     if folder is None:
         folder = out_folder() / "paper"
         shutil.rmtree(folder, ignore_errors=True)
-    interrupts = Interrupts()
     paths = []
-    with app.open_device(lasting=False) as device, interrupts.caught():
+    with app.open_device(lasting=False) as device:
         parameters = device.parameters()
         with app.progress("tests I to XVII") as progress:
             for number, test in enumerate(PAPER_TESTS):
                 plan = load_plan(test.plan)
                 if not app.is_virtual:
                     warn_and_ask(app, device, parameters, plan, ask=not yes)
-                saved = drive_on(app, device, parameters, plan, folder, test.name, interrupts, quiet=True)
+                saved = drive_on(app, device, parameters, plan, folder, test.name, quiet=True)
                 paths.append(saved.path)
                 progress((number + 1) / len(PAPER_TESTS))
     recordings = read_recording_set(folder)
