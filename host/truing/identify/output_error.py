@@ -154,6 +154,27 @@ def fit_nested(
         if best is None or fit.minimum.cost < best.minimum.cost:
             best = fit
     assert best is not None
+    if "breakaway_excess" in new:
+        best = _scan_breakaway(signal, structure, best, iterations)
+    return best
+
+
+def _scan_breakaway(
+    signal: WheelSignal, structure: Structure, best: PhysicsFit, iterations: int
+) -> PhysicsFit:
+    """Walk the breakaway friction in ever smaller steps: the cost is a staircase in it."""
+    step = 0.5 * max(best.physics.breakaway_excess, 0.01)
+    while step > 5e-4:
+        improved = False
+        for value in (best.physics.breakaway_excess - step, best.physics.breakaway_excess + step):
+            if value < 0.0:
+                continue
+            begin = replace(best.physics, breakaway_excess=value)
+            fit = fit_physics(signal, structure, start=begin, base=best.physics, iterations=iterations)
+            if fit.minimum.cost < (1.0 - 1e-6) * best.minimum.cost:
+                best, improved = fit, True
+        if not improved:
+            step *= 0.5
     return best
 
 

@@ -94,8 +94,11 @@ def fit_state_space_signal(signal: WheelSignal, side: Wheel, *, order: int | Non
     models: dict[int, list[StateSpaceModel]] = {n: [] for n in orders}
     free = {n: np.zeros(len(runs)) for n in orders}
     ahead = np.zeros(len(runs))
+    whole = {id(stretch): _factor(stretch) for stretch in even.stretches}
     for fold in divisions:
-        basis, _ = _subspace(fold.fitted)
+        # With one run a fold holds parts of its stretches, which need factors of their own.
+        factors = [whole[id(s)] if id(s) in whole else _factor(s) for s in fold.fitted]
+        basis, _ = _subspace(factors)
         judged = sorted({stretch.run for stretch in fold.judged})
         places = [runs.index(run) for run in judged]
         for n in orders:
@@ -108,7 +111,7 @@ def fit_state_space_signal(signal: WheelSignal, side: Wheel, *, order: int | Non
         predictor = replace(model, k=_innovation_gain(model, fold.fitted))
         ahead[[runs.index(run) for run in judged]] = _errors(predictor, fold.judged, judged)[0]
 
-    basis, singular_values = _subspace(even.stretches)
+    basis, singular_values = _subspace(list(whole.values()))
     model = _realise(basis, chosen, even.stretches, even.interval_s)
     model = replace(model, k=_innovation_gain(model, even.stretches))
     one_step, free_run = _errors(model, even.stretches, runs)
@@ -124,26 +127,33 @@ def fit_state_space_signal(signal: WheelSignal, side: Wheel, *, order: int | Non
     )
 
 
-def _subspace(stretches: Sequence[EvenStretch]) -> tuple[FloatArray, FloatArray]:
-    """Scaled basis of the extended observability matrix (BLOCK_ROWS, BLOCK_ROWS), and singular values."""
+def _factor(stretch: EvenStretch) -> FloatArray:
+    """A stretch's future inputs, past inputs, past outputs, future outputs as a triangle.
+
+    Shape (4 BLOCK_ROWS, 4 BLOCK_ROWS): the LQ factor of its Hankel matrices, which is all that the
+    method needs of it, so that leaving runs out costs nothing. A short stretch gives zeros.
+    """
     rows = BLOCK_ROWS
-    columns = []
-    for stretch in stretches:
-        # u(t) is the effort of row t+1 (see ArxModel), so that y(t) depends on u(t-1) and before.
-        u, y = stretch.effort[1:], stretch.speed[:-1]
-        count = len(y) - 2 * rows + 1
-        if count < 1:
-            continue
+    # u(t) is the effort of row t+1 (see ArxModel), so that y(t) depends on u(t-1) and before.
+    u, y = stretch.effort[1:], stretch.speed[:-1]
+    count = len(y) - 2 * rows + 1
+    factor = np.zeros((4 * rows, 4 * rows))
+    if count >= 1:
         hankel_u = np.lib.stride_tricks.sliding_window_view(u, count)[: 2 * rows]
         hankel_y = np.lib.stride_tricks.sliding_window_view(y, count)[: 2 * rows]
-        weight = 1.0 / np.sqrt(count)
-        columns.append(
-            weight * np.concatenate((hankel_u[rows:], hankel_u[:rows], hankel_y[:rows], hankel_y[rows:]))
-        )
-    if not columns:
-        raise IdentifyError(f"a subspace fit needs stretches of {2 * rows + 1} rows or more")
-    data = np.concatenate(columns, axis=1)
-    lower = np.asarray(np.linalg.qr(data.T, mode="r")).T
+        data = np.concatenate((hankel_u[rows:], hankel_u[:rows], hankel_y[:rows], hankel_y[rows:]))
+        triangle = np.asarray(np.linalg.qr(data.T / np.sqrt(count), mode="r")).T
+        factor[:, : triangle.shape[1]] = triangle
+    return factor
+
+
+def _subspace(factors: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Scaled basis of the extended observability matrix (BLOCK_ROWS, BLOCK_ROWS), and singular values."""
+    rows = BLOCK_ROWS
+    stacked = np.concatenate(factors, axis=1)
+    if not np.any(stacked):
+        raise IdentifyError(f"a subspace fit needs stretches of {2 * rows + 1} rows or more that move")
+    lower = np.asarray(np.linalg.qr(stacked.T, mode="r")).T
     part = lower[3 * rows :, rows : 3 * rows]
     left, singular, _ = np.linalg.svd(part, full_matrices=False)
     return left * np.sqrt(np.maximum(singular, 1e-300)), singular

@@ -29,7 +29,9 @@ FREEDOMS: dict[str, Freedom] = {
         Freedom("time_constant_s", 1e-3, 30.0, 1e-6, (0.02, 0.05, 0.12, 0.3, 0.8), log=True),
         Freedom("delay_s", 0.0, 0.6, 1e-6, (0.0, 0.05, 0.12)),
         Freedom("friction", 0.0, 0.9, 1e-7, (0.0, 0.02, 0.06, 0.15)),
-        Freedom("breakaway_excess", 0.0, 0.5, 1e-7, (0.02,)),
+        # A log's effort moves in steps, and so does the moment of breaking away: only a secant shows a
+        # slope, and a search by slopes needs the scan that `fit_nested` makes.
+        Freedom("breakaway_excess", 0.0, 0.5, 2e-3, (0.0, 0.01, 0.03, 0.06, 0.12)),
         Freedom("stribeck_mps", 1e-3, 2.0, 1e-6, (0.03, 0.15), log=True),
         Freedom("drag", -0.2, 2.0, 1e-7, (0.0,)),
         Freedom("offset", -0.5, 0.5, 1e-7, (0.0,)),
