@@ -10,9 +10,10 @@ from support.fake_board import FakeBoard, FakeLine
 from support.fake_log import board_with_log
 from support.faulty_stream import FaultyStream
 from truing.device import Device
-from truing.errors import BoardRebooted, LinkClosed, LinkTimeout, LogError, Refused
+from truing.errors import BoardRebooted, Interrupted, LinkClosed, LinkTimeout, LogError, Refused
 from truing.link.client import Client
 from truing.partial_file import LogIdentity, PartialFile, Spans, read_identity
+from truing.run_saver import fetch_log, other_boots
 
 
 def device_on(board: FakeBoard, **faults: float | int) -> Device:
@@ -143,6 +144,44 @@ def test_a_board_that_falls_silent_ends_the_download_with_what_to_do() -> None:
     with pytest.raises(LinkTimeout) as caught:
         device.read_log(log)
     assert caught.value.next_step
+
+
+def test_an_interrupted_download_keeps_what_has_arrived_and_says_how_to_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class RealLine(FakeLine):
+        virtual = False
+
+    monkeypatch.setenv("TRUING_ROOT", str(tmp_path))
+    board = board_with_log(1000)
+    device = Device(Client(RealLine(board)))
+    device.client.interrupted = lambda: len(board.reads) > 5
+    with pytest.raises(Interrupted) as caught:
+        fetch_log(device)
+    assert "truing log fetch 4` goes on" in caught.value.next_step
+    device.client.interrupted = lambda: False
+    fetched = fetch_log(device)
+    assert fetched.data == board.logs[0].data
+    assert fetched.report.resumed_bytes > 1000
+    board.boot_id += 1
+    assert other_boots(Device(Client(RealLine(board)))) == []
+
+
+def test_what_is_left_of_a_download_from_an_earlier_start_is_found_and_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class RealLine(FakeLine):
+        virtual = False
+
+    monkeypatch.setenv("TRUING_ROOT", str(tmp_path))
+    board = board_with_log(1000)
+    device = Device(Client(RealLine(board)))
+    device.client.interrupted = lambda: len(board.reads) > 5
+    with pytest.raises(Interrupted):
+        fetch_log(device)
+    board.boot_id += 1
+    stale = other_boots(Device(Client(RealLine(board))))
+    assert [path.suffix for path in stale] == [".part"]
 
 
 def test_the_newest_log_is_found_on_a_line_too_bad_for_the_whole_list() -> None:

@@ -84,7 +84,8 @@ def _open_sim(rest: str, virtual: VirtualOptions) -> Stream:
 
     if rest:
         raise PortError(f"sim:{rest}: sim takes nothing after it", "use --robot and --seed")
-    return VirtualStream(make_virtual_robot(virtual))
+    robot = make_virtual_robot(virtual)
+    return VirtualStream(robot, on_close=robot.close)
 
 
 def _open_tcp(rest: str, _virtual: VirtualOptions) -> Stream:

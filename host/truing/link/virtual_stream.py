@@ -33,15 +33,21 @@ class VirtualStream:
     Parameters
     ----------
     on_time : called with the virtual time (s) after every step; for progress and for faults on cue.
+    on_close : called when the stream is closed; whoever made the board for this stream alone frees it here.
     """
 
     virtual = True
 
     def __init__(
-        self, board: VirtualBoard, name: str = "sim", on_time: Callable[[float], None] | None = None
+        self,
+        board: VirtualBoard,
+        name: str = "sim",
+        on_time: Callable[[float], None] | None = None,
+        on_close: Callable[[], None] | None = None,
     ) -> None:
         self.board = board
         self.on_time = on_time
+        self._on_close = on_close
         self._name = name
         self._open = True
 
@@ -78,7 +84,10 @@ class VirtualStream:
 
     def close(self) -> None:
         """Unplug; the board itself belongs to whoever made it."""
-        self._open = False
+        if self._open:
+            self._open = False
+            if self._on_close is not None:
+                self._on_close()
 
     def _pass(self, us: int) -> int:
         self.board.run_us(us)
