@@ -13,7 +13,6 @@ void controller_init(struct controller *controller)
     hal_identity(&controller->identity);
     memset(&controller->link, 0, sizeof controller->link);
     memset(&controller->cache, 0, sizeof controller->cache);
-    controller->is_pending = false;
     controller->fed_at_ms = 0;
     robot_init(&controller->robot, controller->identity.clock_fallback);
 }
@@ -28,28 +27,13 @@ void controller_note_overrun(struct controller *controller)
     controller->robot.supervisor.overrun = true;
 }
 
-/* Takes the next frame. The effect of a stop does not wait for room for its reply, nor for replies before it.
- */
-static bool take_frame(struct controller *controller)
-{
-    if (!controller->is_pending) {
-        controller->is_pending = link_receive(&controller->link, &controller->pending);
-        if (controller->is_pending && controller->pending.id == PROTO_ID_STOP) {
-            robot_stop(&controller->robot);
-        }
-    }
-    return controller->is_pending;
-}
-
 void controller_poll(struct controller *controller)
 {
+    struct frame request;
     link_flush(&controller->link);
-    while (take_frame(controller)) {
-        if (!link_has_room(&controller->link, requests_reply_size(controller->pending.id))) {
-            break; /* the line is busy; the frame keeps until the next poll */
-        }
-        requests_answer(controller, &controller->pending);
-        controller->is_pending = false;
+    /* Bytes are read however full the line is, so that a stop never waits behind other requests. */
+    while (link_receive(&controller->link, &request)) {
+        requests_answer(controller, &request);
         link_flush(&controller->link);
     }
 

@@ -29,8 +29,6 @@ struct controller {
     struct link link;
     struct hal_identity identity;
     struct reply_cache cache;
-    struct frame pending; /* received, waits for room for its reply */
-    bool is_pending;
     uint32_t fed_at_ms; /* the tick at which the watchdog was last fed */
     uint8_t reply[PROTO_MAX_PAYLOAD];
 };

@@ -33,7 +33,7 @@ void link_send(struct link *link, uint8_t id, uint16_t sequence, const uint8_t *
     link->coded[0] = 0;
     size_t left = 1 + frame_encode(id, sequence, payload, length, link->coded + 1, sizeof link->coded - 1);
     if (!link_has_room(link, left)) {
-        return; /* as good as lost on the line: the host asks again */
+        return;
     }
     const uint8_t *from = link->coded;
     while (left > 0) {

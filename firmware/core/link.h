@@ -12,8 +12,7 @@ enum {
     /* A frame is sent with a zero before it too, so that noise on the idle line spoils nothing. */
     LINK_LARGEST_FRAME = FRAME_MAX_CODED + 1,
     LINK_SMALL_FRAME = 160, /* the largest frame of a reply that carries no bulk data */
-    /* Three full replies: the host may have as many reads under way, and the line never idles between them.
-     */
+    /* Three full replies, so that the line never idles between them. */
     LINK_QUEUE_SIZE = 4096,
     LINK_CHUNK_SIZE = 64,
 };

@@ -1,5 +1,4 @@
-/* Lossless coding of log records: a mask of what differs from its prediction, and the differences as varints.
- */
+/* Lossless coding of log records: a mask of what differs from its prediction, and varints. */
 #ifndef LOG_CODING_H
 #define LOG_CODING_H
 

@@ -319,13 +319,13 @@ static struct refusal answer_set_velocity(struct controller *controller, const s
     return robot_drive(&controller->robot, PROTO_SEGMENT_KIND_VELOCITY, in.left, in.right);
 }
 
-/* Whatever a stop carries, it stops. */
+/* Whatever a stop carries and however often it comes, the dispatcher has already obeyed it. */
 static struct refusal answer_stop(struct controller *controller, const struct frame *request,
                                   struct reply *reply)
 {
+    (void)controller;
     (void)request;
     (void)reply;
-    robot_stop(&controller->robot);
     return accepted();
 }
 
@@ -364,10 +364,12 @@ static const struct entry *find(uint8_t id)
     return NULL;
 }
 
-size_t requests_reply_size(uint8_t id)
+/* Room is always left for one short reply more: a stop is not only obeyed on a busy line, but answered. */
+static bool has_room(const struct controller *controller, const struct entry *entry)
 {
-    const struct entry *const entry = find(id);
-    return entry != NULL && entry->bulk ? LINK_LARGEST_FRAME : LINK_SMALL_FRAME;
+    const size_t size = entry != NULL && entry->bulk ? LINK_LARGEST_FRAME : LINK_SMALL_FRAME;
+    const bool stop = entry != NULL && entry->id == PROTO_ID_STOP;
+    return link_has_room(&controller->link, stop ? size : size + LINK_SMALL_FRAME);
 }
 
 static bool is_repeated(const struct reply_cache *cache, const struct frame *request)
@@ -397,14 +399,19 @@ void requests_answer(struct controller *controller, const struct frame *request)
     if ((request->id & PROTO_REPLY_BIT) != 0) {
         return;
     }
-    /* A stop is carried out however often it comes. */
-    if (request->id != PROTO_ID_STOP && is_repeated(cache, request)) {
+    const struct entry *const entry = find(request->id);
+    if (request->id == PROTO_ID_STOP) {
+        robot_stop(&controller->robot);
+    }
+    if (!has_room(controller, entry)) {
+        return;
+    }
+    if (is_repeated(cache, request)) {
         link_send(&controller->link, cache->reply_id, request->sequence, cache->reply, cache->length);
         return;
     }
 
     struct reply reply = {.bytes = controller->reply, .capacity = sizeof controller->reply, .length = 0};
-    const struct entry *const entry = find(request->id);
     const struct refusal verdict = entry != NULL ? entry->handle(controller, request, &reply)
                                                  : refused(PROTO_REFUSAL_REASON_UNKNOWN_REQUEST, request->id);
     uint8_t reply_id = (uint8_t)(request->id | PROTO_REPLY_BIT);

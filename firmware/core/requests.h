@@ -2,15 +2,10 @@
 #ifndef REQUESTS_H
 #define REQUESTS_H
 
-#include <stddef.h>
-#include <stdint.h>
-
 #include "controller.h"
 
-/* The largest frame that answers this request. */
-size_t requests_reply_size(uint8_t id);
-
-/* Carries a request out and queues its reply. */
+/* Carries a request out and queues its reply. A request that finds no room for its reply is dropped, as if
+ * the line had lost it, and its sender asks again; a stop takes effect all the same. */
 void requests_answer(struct controller *controller, const struct frame *request);
 
 #endif

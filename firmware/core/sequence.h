@@ -50,8 +50,7 @@ enum sequence_event sequence_step(struct sequence *sequence);
 /* Ends a run, if there is one. */
 void sequence_abort(struct sequence *sequence);
 
-/* Forgets an upload in progress, if there is one. Not for the tick: the main loop may be in the middle of it.
- */
+/* Forgets an upload in progress, if any. Not for the tick: the main loop may be in the middle of it. */
 void sequence_forget_upload(struct sequence *sequence);
 
 /* The command of the segment that runs. */

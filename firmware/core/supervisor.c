@@ -25,8 +25,7 @@ static bool wheel_implausible(const struct supervisor *supervisor, const struct 
 {
     const float speed = view->speed_mps[wheel];
     const bool too_fast = speed > tuning->encoder_speed_max_mps || speed < -tuning->encoder_speed_max_mps;
-    /* On the move a braked wheel may be turned by a slope or by the other wheel; that is no reason to stop.
-     */
+    /* On the move a slope or the other wheel may turn a braked wheel; that is no reason to stop. */
     const bool turns_at_rest = !supervisor_is_moving(supervisor) && view->at_rest && !view->still[wheel];
     return too_fast || turns_at_rest;
 }

@@ -1,5 +1,4 @@
-/* The log's ring: sealed blocks do not change, old ones go in order, and readers are never given torn bytes.
- */
+/* The log's ring: sealed blocks do not change, old ones go in order, and no reader gets torn bytes. */
 #include "log.h"
 
 #include <stdlib.h>

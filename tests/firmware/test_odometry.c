@@ -1,5 +1,4 @@
-/* Odometry follows closed-form arcs and does not drift over kilometres; its sine and cosine are exact enough.
- */
+/* Odometry follows closed-form arcs and does not drift over kilometres, nor do its sine and cosine err. */
 #include <math.h>
 
 #include "odometry.h"

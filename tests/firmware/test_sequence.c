@@ -353,8 +353,7 @@ static void finished_sequence_can_be_started_again(void)
 
 static void four_minutes_at_20_hz_fit_into_the_ring(void)
 {
-    /* Test XI again and again, as in the paper, with its rests: 27 runs of 9 s are 4 minutes and 3 seconds.
-     */
+    /* Test XI again and again with its rests: 27 runs of 9 s are 4 minutes and 3 seconds. */
     const uint32_t crc = bench_upload(test_xi, TEST_XI_SEGMENTS, 20);
     uint32_t records = 0;
     uint32_t blocks = 0;

@@ -219,6 +219,18 @@ static void robot_pushed_by_hand_is_fit_again_when_it_stands(void)
     bench_expect_accepted();
 }
 
+static void slope_that_turns_braked_wheels_ends_no_drive(void)
+{
+    const struct proto_segment rest = {PROTO_SEGMENT_KIND_EFFORT, 5000, 0.0f, 0.0f};
+    bench_start(bench_upload(&rest, 1, 0));
+    bench.motors_turn = false;
+    for (int i = 0; i < 4500; i++) {
+        bench.board.sample.counts[0] += i % 2;
+        bench_run(1);
+    }
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_SEQUENCE, bench_status().state);
+}
+
 static void battery_that_stays_low_stops_the_wheels(void)
 {
     drive_live(300);
@@ -356,6 +368,7 @@ int main(void)
     RUN_TEST(everything_wrong_is_named_at_once);
     RUN_TEST(start_is_refused_while_the_wheels_still_coast);
     RUN_TEST(robot_pushed_by_hand_is_fit_again_when_it_stands);
+    RUN_TEST(slope_that_turns_braked_wheels_ends_no_drive);
     RUN_TEST(battery_that_stays_low_stops_the_wheels);
     RUN_TEST(low_battery_must_recover_by_the_hysteresis_before_it_is_cleared);
     RUN_TEST(start_is_refused_on_a_low_battery_at_the_first_reading);
