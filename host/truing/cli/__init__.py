@@ -1,12 +1,14 @@
 """The `truing` command: one module of this package for each subcommand.
 
-A subcommand `name` lives in `truing/cli/name.py` as the click command `command`; modules are
-imported only when their command runs, so that `truing --help` answers at once.
+A subcommand `name` lives in `truing/cli/name.py` (`name_.py` where Python keeps the word for itself)
+as the click command `command`; modules are imported only when their command runs, so that
+`truing --help` answers at once.
 """
 
 from __future__ import annotations
 
 import importlib
+import keyword
 import sys
 from collections.abc import Sequence
 
@@ -28,7 +30,10 @@ COMMANDS: dict[str, str] = {
     "faults": "Show the board's faults, or clear them.",
     "params": "List, get and set the board's parameters.",
     "log": "List, fetch and erase the board's logs.",
+    "import": "Turn recordings of other programs into a set of runs.",
     "identify": "Gains and time constants of recordings.",
+    "fit": "Models of both wheels, judged on runs they never saw.",
+    "export": "Write a model for a simulator or a controller.",
     "plot": "Draw recordings.",
     "paper": "Drive the paper's tests I to XVII, print Tables III and IV beside it.",
 }
@@ -45,7 +50,8 @@ class _LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:  # noqa: ARG002
         if name not in COMMANDS:
             return None
-        loaded = importlib.import_module(f"truing.cli.{name}").command
+        module = f"{name}_" if keyword.iskeyword(name) else name
+        loaded = importlib.import_module(f"truing.cli.{module}").command
         assert isinstance(loaded, click.Command)
         return loaded
 

@@ -1,0 +1,139 @@
+"""`truing import`: recordings of other programs become a recording set."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from truing.cli.app import App
+from truing.cli.options import json_option
+
+if TYPE_CHECKING:
+    from truing.importers import Imported
+
+POSITIVE = click.FloatRange(min=0.0, min_open=True)
+
+
+@click.command("import", no_args_is_help=True)
+@click.argument(
+    "files", metavar="FILE...", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path)
+)
+@click.option(
+    "--out", metavar="SET", required=True, type=click.Path(path_type=Path), help="Folder to write the set to."
+)
+@click.option(
+    "--mapping",
+    metavar="TOML",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Which column is which (CSV, .mat, MCAP); else NAME.mapping.toml or mapping.toml beside FILE.",
+)
+@click.option(
+    "--metres-per-unit", type=POSITIVE, help="Wheel travel at the rim per unit of the file's positions."
+)
+@click.option(
+    "--nominal-voltage",
+    type=POSITIVE,
+    default=12.0,
+    show_default=True,
+    help="Volts that count as full effort.",
+)
+@click.option(
+    "--wheelbase", type=POSITIVE, help="Metres between the wheels, where only body speeds are commanded."
+)
+@click.option(
+    "--full-speed", type=POSITIVE, help="Wheel speed (m/s) of full effort, where speeds are commanded."
+)
+@json_option
+def command(
+    app: App,
+    files: tuple[Path, ...],
+    out: Path,
+    mapping: Path | None,
+    metres_per_unit: float | None,
+    nominal_voltage: float,
+    wheelbase: float | None,
+    full_speed: float | None,
+) -> None:
+    """Turn recordings of other programs into a set of runs, and say what looks wrong with them.
+
+    Reads WPILib SysId JSON (2020 and newer, .json or .json.gz), WPILib .wpilog, ROS 1 and 2 bags
+    (JointState, Odometry, Twist), MCAP, MATLAB .mat, and any CSV through a mapping file:
+
+    \b
+      [columns]
+      t_s = { column = "time", scale = 1e-3 }      # milliseconds
+      effort_left = { column = "pwmLeft", scale = 0.00392 }
+      effort_right = { column = "pwmRight", scale = 0.00392 }
+      ticks_left = "leftEncoder"
+      ticks_right = "rightEncoder"
+      [split]                                      # optional: a run per stretch of a column
+      column = "test"
+      skip = ["none"]
+
+    \b
+    Examples:
+      truing import sysid_data.json --out out/sets/drive
+      truing import bag_folder --out out/sets/bag --wheelbase 0.35 --metres-per-unit 0.05
+      truing import log.csv --mapping log.mapping.toml --out out/sets/log
+    """
+    from truing.errors import OutputError
+    from truing.importers import ImportOptions, import_file
+    from truing.recording_writer import next_run_path, write_run
+
+    if any((out / "runs").glob("*.csv")):
+        raise OutputError(out, "already holds runs", "Give --out a new folder")
+    options = ImportOptions(nominal_voltage, metres_per_unit, wheelbase, full_speed, mapping)
+    imported = []
+    with app.progress("importing") as progress:
+        for number, file in enumerate(files, start=1):
+            imported.append(import_file(file, options))
+            progress(number / len(files))
+    written = []
+    for item in imported:
+        for run in item.runs:
+            label = run.name.split("_", 1)[1]
+            written.append((item, run, write_run(run, next_run_path(out, label))))
+    app.emit(
+        {
+            "set": str(out),
+            "runs": [
+                {
+                    "run": path.stem,
+                    "from": str(item.source),
+                    "kind": item.kind,
+                    "rows": len(run),
+                    "duration_s": run.duration_s,
+                    "rate_hz": run.rate_hz,
+                }
+                for item, run, path in written
+            ],
+            "findings": [
+                {
+                    "file": str(item.source),
+                    "test": finding.test,
+                    "code": finding.code,
+                    "text": finding.text,
+                    "corrected": finding.corrected,
+                }
+                for item in imported
+                for finding in item.findings
+            ],
+        }
+    )
+    _print(app, imported, out)
+
+
+def _print(app: App, imported: list[Imported], out: Path) -> None:
+    from rich.table import Table
+
+    table = Table("run", "rows", "seconds", "Hz")
+    for item in imported:
+        for run in item.runs:
+            table.add_row(run.name, str(len(run)), f"{run.duration_s:.2f}", f"{run.rate_hz:.4g}")
+    app.show(table)
+    for item in imported:
+        for finding in item.findings:
+            app.say(f"{'put right' if finding.corrected else 'note'}: {finding}")
+    app.say(f"{out}: {sum(len(item.runs) for item in imported)} runs; next: truing identify {out}")

@@ -1,0 +1,88 @@
+"""Foreign recordings: one importer per kind of file, all with `KIND`, `matches` and `read`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol, cast
+
+from truing.errors import RecordingError
+from truing.recording import MINIMUM_ROWS
+
+from .foreign import Finding, ForeignTest, Imported, ImportOptions, to_run
+
+__all__ = ["Finding", "ImportOptions", "Imported", "import_file", "is_foreign"]
+
+HEAD_BYTES = 4096
+
+
+class Importer(Protocol):
+    """What a module of this package offers."""
+
+    KIND: str
+
+    def matches(self, path: Path, head: bytes) -> bool:
+        """Whether the file is one of this kind, judged by its name and its first bytes."""
+
+    def read(self, path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Finding]]:
+        """The file's tests, and what its format leaves open."""
+
+
+def importers() -> tuple[Importer, ...]:
+    """Every importer, in the order in which files are tried: the surest signatures come first."""
+    from . import mapped_csv, matlab, mcap_json, rosbag, sysid_json, wpilog
+
+    modules = (wpilog, matlab, mcap_json, rosbag, sysid_json, mapped_csv)
+    return tuple(cast("Importer", module) for module in modules)
+
+
+def is_foreign(path: Path) -> bool:
+    """Whether a path is for an importer: neither a set of the contract's runs nor one of its CSV files."""
+    if path.is_dir():
+        return (path / "metadata.yaml").exists()
+    if not path.is_file():
+        return False
+    if path.suffix.lower() != ".csv":
+        return True
+    header = _head(path).split(b"\n", 1)[0].decode("utf-8-sig", errors="replace")
+    names = [name.strip() for name in header.split(",")]
+    # A contract file with one required column missing is reported as such, not as foreign.
+    return "t_s" not in names or not any(name.startswith("effort_") for name in names)
+
+
+def import_file(path: Path, options: ImportOptions | None = None) -> Imported:
+    """Every test of a foreign file as a run of the contract, and what was suspicious about it.
+
+    Raises
+    ------
+    RecordingError : no importer knows the file, or it is damaged; names the place.
+    """
+    from .traps import inspect
+
+    options = options or ImportOptions()
+    head = _head(path)
+    importer = next((item for item in importers() if item.matches(path, head)), None)
+    if importer is None:
+        kinds = ", ".join(item.KIND for item in importers())
+        raise RecordingError(path, "no importer knows this file", next_step=f"Known kinds: {kinds}")
+    tests, findings = importer.read(path, options)
+    kept = [test for test in tests if test.time.size >= MINIMUM_ROWS]
+    findings += [
+        Finding("too_short", f"only {test.time.size} rows; left out", test.name)
+        for test in tests
+        if test.time.size < MINIMUM_ROWS
+    ]
+    if not kept:
+        raise RecordingError(path, f"no test has the {MINIMUM_ROWS} rows that a run needs")
+    findings += inspect(path, kept)
+    runs = tuple(to_run(test, number, options, path, findings) for number, test in enumerate(kept, start=1))
+    return Imported(path, importer.KIND, runs, tuple(findings))
+
+
+def _head(path: Path) -> bytes:
+    if path.is_dir():
+        return b""
+    try:
+        with path.open("rb") as stream:
+            return stream.read(HEAD_BYTES)
+    except OSError as error:
+        raise RecordingError(path, f"cannot be read: {error.strerror}") from None

@@ -1,0 +1,133 @@
+"""What every importer hands over: tests in somebody else's units, and how they become runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from truing.recording import FloatArray, Run, RunMetadata
+
+# The nominal supply that a fraction of effort is taken of where a file gives volts: WPILib's own reference.
+NOMINAL_VOLTAGE_V = 12.0
+
+
+@dataclass(frozen=True, slots=True)
+class ImportOptions:
+    """What a foreign file cannot say itself.
+
+    Parameters
+    ----------
+    nominal_voltage_v : full effort, V.
+    metres_per_unit : wheel travel at the rim per unit of the file's positions, m.
+    wheelbase_m : distance between the wheels, m; needed where only body speeds are commanded.
+    full_speed_mps : wheel speed that counts as effort 1 where speeds are commanded and no effort is recorded.
+    mapping : a mapping file (mapped_csv.py), or None to look for one beside the data.
+    """
+
+    nominal_voltage_v: float = NOMINAL_VOLTAGE_V
+    metres_per_unit: float | None = None
+    wheelbase_m: float | None = None
+    full_speed_mps: float | None = None
+    mapping: Path | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something about a foreign file that its reader should know.
+
+    `code` is a stable word for programs; `text` is one sentence for a person; `corrected` says
+    whether the importer changed numbers because of it.
+    """
+
+    code: str
+    text: str
+    test: str = ""
+    corrected: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.test}: {self.text}" if self.test else self.text
+
+
+@dataclass(slots=True)
+class ForeignTest:
+    """One test of a foreign file; arrays of equal length n. Index 0 is left, 1 is right.
+
+    Attributes
+    ----------
+    time : shape (n,), in the file's own unit until `traps.settle_time` has seen it.
+    volts : shape (2, n), V, or None where `effort` is given.
+    effort : shape (2, n), -1..1, or None.
+    position, speed : shape (2, n), metres and m/s after scaling, or None.
+    command : shape (n,), the commanded fraction that the recorder kept, or None.
+    time_known : the format or the user says the unit of time, so that it is not to be guessed.
+    """
+
+    name: str
+    time: FloatArray
+    volts: FloatArray | None = None
+    effort: FloatArray | None = None
+    position: FloatArray | None = None
+    speed: FloatArray | None = None
+    command: FloatArray | None = None
+    battery_v: FloatArray | None = None
+    gyro_z_radps: FloatArray | None = None
+    extra: dict[str, FloatArray] = field(default_factory=dict)
+    time_known: bool = False
+
+    def motion(self) -> FloatArray | None:
+        """Something that moves as the wheels do, shape (2, n): the speed, or the position per row."""
+        if self.speed is not None:
+            return self.speed
+        position = self.position
+        if position is None and {"ticks_left", "ticks_right"} <= self.extra.keys():
+            position = np.array([self.extra["ticks_left"], self.extra["ticks_right"]])
+        if position is None or position.shape[1] < 2:
+            return None
+        return np.asarray(np.gradient(position, axis=1))
+
+    def effort_or_volts(self, options: ImportOptions) -> FloatArray:
+        """Applied effort, shape (2, n), -1..1."""
+        if self.effort is not None:
+            return self.effort
+        assert self.volts is not None
+        return self.volts / options.nominal_voltage_v
+
+
+@dataclass(frozen=True, slots=True)
+class Imported:
+    """The runs of a foreign file, in the contract's form, and what was found on the way."""
+
+    source: Path
+    kind: str
+    runs: tuple[Run, ...]
+    findings: tuple[Finding, ...]
+
+
+def to_run(
+    test: ForeignTest, number: int, options: ImportOptions, source: Path, findings: Sequence[Finding]
+) -> Run:
+    """A run of the contract; the name orders it in the set, the metadata says where it came from."""
+    effort = test.effort_or_volts(options)
+    columns: dict[str, FloatArray] = {
+        "t_s": test.time - test.time[0],
+        "effort_left": effort[0],
+        "effort_right": effort[1],
+    }
+    if test.position is not None:
+        travel = test.position - test.position[:, :1]
+        columns |= {"pos_left_m": travel[0], "pos_right_m": travel[1]}
+    if test.speed is not None:
+        columns |= {"vel_left_mps": test.speed[0], "vel_right_mps": test.speed[1]}
+    for name, values in (("battery_v", test.battery_v), ("gyro_z_radps", test.gyro_z_radps)):
+        if values is not None:
+            columns[name] = values
+    columns |= test.extra
+    for name in ("ticks_left", "ticks_right"):
+        if name in columns:
+            columns[name] = columns[name] - columns[name][0]
+    said = [str(finding) for finding in findings if finding.test in ("", test.name)]
+    metadata = RunMetadata(extra={"imported_from": source.name, "test": test.name, "findings": said})
+    return Run(f"{number:02d}_{test.name}", columns, order=tuple(columns), metadata=metadata)

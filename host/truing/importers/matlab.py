@@ -1,0 +1,61 @@
+"""MATLAB .mat files (up to version 7): vectors by the contract's names or through a mapping."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from truing.errors import RecordingError
+from truing.recording import NUMERIC_COLUMNS
+
+from .foreign import Finding, ForeignTest, ImportOptions
+from .mapped_csv import find_mapping
+from .mapping import Mapping, Source, apply, read_mapping
+
+KIND = "MATLAB .mat"
+
+
+def matches(path: Path, head: bytes) -> bool:
+    """Whether the file is called so or says so itself."""
+    return path.suffix.lower() == ".mat" or head.startswith(b"MATLAB")
+
+
+def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Finding]]:
+    """The vectors of the longest common length; matrices and scalars are left aside."""
+    table = read_vectors(path)
+    own = {name: Source(name) for name in table if name in NUMERIC_COLUMNS}
+    if options.mapping is None and {"t_s", "effort_left", "effort_right"} <= own.keys():
+        return apply(Mapping(path, own), table, path), []
+    return apply(read_mapping(find_mapping(path, options)), table, path), []
+
+
+def read_vectors(path: Path) -> dict[str, list[float]]:
+    """Every numeric vector of the file, struct fields as `name.field`."""
+    import scipy.io
+
+    try:
+        data = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=False)
+    except NotImplementedError:
+        raise RecordingError(
+            path, "a version 7.3 .mat file", next_step="In MATLAB, save it with the option -v7"
+        ) from None
+    except Exception as error:
+        # A damaged file makes scipy's reader fail in many ways, each with an exception of its own.
+        raise RecordingError(path, f"not readable as a .mat file, damaged or cut off: {error}") from None
+    vectors: dict[str, np.ndarray[Any, Any]] = {}
+    for name, value in data.items():
+        if not name.startswith("__"):
+            _collect(vectors, name, value)
+    if not vectors:
+        raise RecordingError(path, "holds no numeric vector")
+    length = max(len(vector) for vector in vectors.values())
+    return {name: vector.tolist() for name, vector in vectors.items() if len(vector) == length}
+
+
+def _collect(vectors: dict[str, np.ndarray[Any, Any]], name: str, value: Any) -> None:
+    if isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "fiu" and value.size > 1:
+        vectors[name] = value.astype(np.float64)
+    for part in getattr(value, "_fieldnames", ()):
+        _collect(vectors, f"{name}.{part}", getattr(value, part))
