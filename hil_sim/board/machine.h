@@ -24,7 +24,8 @@ enum {
     WATCHED_PINS = 16,
     WARNINGS = 64,
     BUS_REGIONS = 7,
-    BUS_PAGES = 256
+    BUS_PAGES = 256,
+    CODE_PAGE = 1024 /* the engine's page size for this core */
 };
 #define NEVER     UINT64_MAX
 #define PS_PER_S  1000000000000ULL
@@ -199,6 +200,7 @@ struct board {
     /* core */
     struct block current; /* block under way; cycles 0 when none is */
     uint32_t block_pc;
+    uint32_t sram_code_pages[SRAM_SIZE / CODE_PAGE / 32]; /* one bit for each page that code has run from */
     uint32_t accesses; /* register accesses within the block */
     uint32_t it_left;  /* the next block begins inside an IT block */
     bool at_block, needs_check, reset_wanted, sleeping, locked_up, clock_dead, powered, no_fp;
