@@ -60,7 +60,7 @@ static void open_block(struct log *log)
         log->oldest_block = log->oldest_block + 1u;
         /* Every log but the open one has at least one block, so at most one is overwritten by one block. */
         const struct log_info *const oldest = &log->table[log->table_first];
-        if (oldest->end != PROTO_LOG_END_OPEN && oldest->end_block <= log->oldest_block) {
+        if (oldest->end_block <= log->oldest_block) {
             forget_oldest_log(log);
         }
     }

@@ -1,4 +1,4 @@
-/* Odometry follows closed-form arcs and does not drift over kilometres, nor do its sine and cosine err. */
+/* Odometry follows closed-form arcs without drift over kilometres; its sine and cosine are good enough. */
 #include <math.h>
 
 #include "odometry.h"

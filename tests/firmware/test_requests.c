@@ -76,15 +76,23 @@ static void hello_of_a_later_version_may_be_longer(void)
     bench_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, 5);
 }
 
-static uint8_t reset_cause_for(uint8_t flags)
+/* What a board with this identity says of itself. */
+static struct proto_hello_reply hello_of(uint8_t reset_flags, bool clock_fallback, uint32_t core_hz)
 {
     struct proto_hello_reply hello;
     const uint8_t payload[PROTO_HELLO_REQUEST_SIZE] = {0};
-    bench.board.identity.reset_cause = flags;
+    bench.board.identity.reset_cause = reset_flags;
+    bench.board.identity.clock_fallback = clock_fallback;
+    bench.board.identity.core_hz = core_hz;
     controller_init(&bench.controller);
     bench_ask(PROTO_ID_HELLO, payload, sizeof payload);
     TEST_ASSERT_TRUE(proto_hello_reply_decode(&hello, bench.reply.payload, bench.reply.payload_length));
-    return hello.reset_cause;
+    return hello;
+}
+
+static uint8_t reset_cause_for(uint8_t flags)
+{
+    return hello_of(flags, false, 168000000).reset_cause;
 }
 
 static void reset_cause_is_read_from_the_flags_of_the_reference_manual(void)
@@ -96,6 +104,13 @@ static void reset_cause_is_read_from_the_flags_of_the_reference_manual(void)
     TEST_ASSERT_EQUAL_UINT8(PROTO_RESET_CAUSE_WATCHDOG, reset_cause_for(0x24));
     TEST_ASSERT_EQUAL_UINT8(PROTO_RESET_CAUSE_BROWN_OUT, reset_cause_for(0x06));
     TEST_ASSERT_EQUAL_UINT8(PROTO_RESET_CAUSE_LOW_POWER, reset_cause_for(0x84));
+}
+
+static void clock_source_tells_a_fallback_with_the_pll_from_one_without(void)
+{
+    TEST_ASSERT_EQUAL_UINT8(PROTO_CLOCK_SOURCE_CRYSTAL_PLL, hello_of(0, false, 168000000).clock_source);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_CLOCK_SOURCE_INTERNAL_PLL, hello_of(0, true, 168000000).clock_source);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_CLOCK_SOURCE_INTERNAL, hello_of(0, true, 16000000).clock_source);
 }
 
 static void parameters_are_listed_read_and_changed(void)
@@ -740,6 +755,7 @@ int main(void)
     RUN_TEST(hello_tells_who_is_there_and_what_it_holds);
     RUN_TEST(hello_of_a_later_version_may_be_longer);
     RUN_TEST(reset_cause_is_read_from_the_flags_of_the_reference_manual);
+    RUN_TEST(clock_source_tells_a_fallback_with_the_pll_from_one_without);
     RUN_TEST(parameters_are_listed_read_and_changed);
     RUN_TEST(bad_parameter_values_are_refused_and_the_old_ones_stay);
     RUN_TEST(parameters_do_not_change_while_the_robot_moves);
