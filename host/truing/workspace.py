@@ -29,7 +29,7 @@ def recording_folder(board_id: str | None) -> Path:
 
 def partial_folder() -> Path:
     """Where unfinished downloads wait to be resumed."""
-    return root() / ".cache" / "downloads"
+    return root() / ".cache" / "partial"
 
 
 def image_path() -> Path:

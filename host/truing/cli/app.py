@@ -109,8 +109,11 @@ class App:
             click.echo(text)
 
     def note(self, text: str) -> None:
-        """Print one line about what happens to standard error."""
-        click.echo(text, err=True)
+        """Print one line about what happens to standard error, above a progress bar if there is one."""
+        if "err" in self._consoles:
+            self.err.print(text, markup=False, soft_wrap=True)
+        else:
+            click.echo(text, err=True)
 
     def show(self, table: Table) -> None:
         """Print a table of the result; silent with --json."""
