@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from support.synthetic_wheel import Truth, baseline, record, staircase
 from truing.identify.signals import wheel_signal
 from truing.model.excitation import Excitation, excitation
-from truing.model.wheel import WheelPhysics, simulate_physics
+from truing.model.wheel import MAX_STEP_S, WheelPhysics, simulate_physics
 
 Array = NDArray[np.float64]
 
@@ -19,8 +19,10 @@ def drive(t: Array, effort: Array) -> Excitation:
     return excitation(t, effort, np.zeros(len(t)), starts, np.array([t[1] - t[0]]))
 
 
-def run(physics: WheelPhysics, t: Array, effort: Array, v0: float = 0.0, **more: float) -> tuple[Array, Array]:
-    response = simulate_physics(physics.to_vector(), drive(t, effort), np.array([v0]), **more)
+def run(
+    physics: WheelPhysics, t: Array, effort: Array, v0: float = 0.0, max_step_s: float = MAX_STEP_S
+) -> tuple[Array, Array]:
+    response = simulate_physics(physics.to_vector(), drive(t, effort), np.array([v0]), max_step_s)
     return response.speed_mps, response.travel_m
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -50,7 +50,7 @@ class WheelFit:
     parameters : the free parameters, each with its 95 % interval or why there is none.
     free_run : simulation error on the runs that were fitted.
     held_out : the same with every run left out of the fit in turn; None when it was not asked for.
-    predicted_mps : shape (n,), the simulation, row by row of `signal`.
+    search : where the search ended, for whoever goes on from there.
     notes : what a user should know before using the numbers.
     """
 
@@ -61,8 +61,18 @@ class WheelFit:
     free_run: FreeRunError
     held_out: FreeRunError | None
     signal: WheelSignal = field(repr=False)
-    predicted_mps: FloatArray = field(repr=False)
+    search: PhysicsFit = field(repr=False)
     notes: tuple[str, ...] = ()
+
+    @property
+    def predicted_mps(self) -> FloatArray:
+        """The simulation, row by row of `signal`, shape (n,)."""
+        return self.search.predicted_mps
+
+    def with_intervals(self) -> WheelFit:
+        """The same fit with its parameters' intervals, which take longer than the fit itself."""
+        parameters, notes = _quantities(self.signal, self.search, True)
+        return replace(self, parameters=parameters, notes=tuple(notes))
 
     def to_json(self) -> dict[str, Any]:
         """For `--json`."""
@@ -84,6 +94,7 @@ def fit_wheel(
     baseline: Baseline | None = None,
     *,
     hold_out: bool = True,
+    intervals: bool = True,
 ) -> WheelFit:
     """Fit one wheel's physics to all runs together, every run with the same weight.
 
@@ -92,6 +103,7 @@ def fit_wheel(
     structure : which parameters are free, or the name of such a choice (see `structures`).
     baseline : what turns counts into travel.
     hold_out : also leave out every run in turn (needs two runs or more).
+    intervals : also find the parameters' 95 % intervals.
     """
     if isinstance(structure, str):
         structure = structure_named(structure)
@@ -99,7 +111,7 @@ def fit_wheel(
     fit = fit_structure(signal, structure)
     by_run = signal.rms_by_run(fit.predicted_mps - signal.speed_mps)
     held_out = leave_one_run_out(signal, structure, fit) if hold_out and signal.runs > 1 else None
-    parameters, notes = _quantities(signal, fit)
+    parameters, notes = _quantities(signal, fit, intervals)
     return WheelFit(
         side,
         structure,
@@ -108,7 +120,7 @@ def fit_wheel(
         free_run_error(signal.names, by_run, signal.scale_mps),
         held_out,
         signal,
-        fit.predicted_mps,
+        fit,
         tuple(notes),
     )
 
@@ -131,15 +143,16 @@ def leave_one_run_out(
 
     Parameters
     ----------
-    whole : the fit to all runs. With more than six runs the searches start from it instead of from
-        the grid: one run among many does not decide which valley the minimum lies in.
+    whole : the fit to all runs. With more than six runs, or physics beyond friction and delay, the
+        searches start from it instead of from the grid: one run among many does not decide which
+        valley the minimum lies in.
     """
     if signal.runs < 2:
         raise IdentifyError("leaving one run out needs two runs or more")
     by_run = np.zeros(signal.runs)
     for index in range(signal.runs):
         others = signal.select([k for k in range(signal.runs) if k != index])
-        if whole is not None and signal.runs > MANY_RUNS:
+        if whole is not None and (signal.runs > MANY_RUNS or len(structure.free) > len(DELAY.free)):
             fit = fit_physics(others, structure, start=whole.physics, base=whole.physics)
         else:
             fit = fit_structure(others, structure)
@@ -155,7 +168,9 @@ def simulate_signal(physics: WheelPhysics, signal: WheelSignal) -> FloatArray:
     return simulate_physics(physics.to_vector(), signal.excitation, initial).speed_mps
 
 
-def _quantities(signal: WheelSignal, fit: PhysicsFit) -> tuple[dict[str, Quantity], list[str]]:
+def _quantities(
+    signal: WheelSignal, fit: PhysicsFit, intervals: bool
+) -> tuple[dict[str, Quantity], list[str]]:
     """Parameters with 95 % intervals under residuals that may be autocorrelated."""
     minimum = fit.minimum
     weights = signal.weights()
@@ -167,7 +182,9 @@ def _quantities(signal: WheelSignal, fit: PhysicsFit) -> tuple[dict[str, Quantit
     told = strength > 1e-9 * max(float(strength.max()), 1e-300)
     margins = np.zeros(len(told))
     block = max(1, round(BLOCK_SHARE * fit.physics.time_constant_s / float(signal.excitation.interval_s[0])))
-    margins[told] = half_widths(raw[:, told], residual, weights, signal.run_of_row.astype(np.intp), block)
+    if intervals:
+        run_of_row = signal.run_of_row.astype(np.intp)
+        margins[told] = half_widths(raw[:, told], residual, weights, run_of_row, block)
 
     values = fit.physics.to_vector()
     parameters: dict[str, Quantity] = {}
@@ -191,7 +208,7 @@ def _quantities(signal: WheelSignal, fit: PhysicsFit) -> tuple[dict[str, Quantit
             notes.append(f"{name} stands at the lower end of what is searched ({freedom.lower:g} {unit})")
         if value >= freedom.upper - edge:
             notes.append(f"{name} stands at the upper end of what is searched ({freedom.upper:g} {unit})")
-        parameters[name] = Quantity(value, unit, (low, high))
+        parameters[name] = Quantity(value, unit, (low, high) if intervals else None)
     if not minimum.converged:
         notes.append("the search was still improving when it was stopped")
     if fit.physics.gain_mps < 0.0:

@@ -39,7 +39,7 @@ def minimise(
     upper: FloatArray,
     *,
     iterations: int = 60,
-    tolerance: float = 1e-8,
+    tolerance: float = 1e-7,
 ) -> Minimum:
     """Minimise the sum of squared residuals inside a box.
 

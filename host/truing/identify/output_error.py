@@ -148,13 +148,19 @@ def fit_nested(
     """Fit a richer structure from the fitted simpler one: the new parameters start at several values."""
     new = [name for name in structure.free if name not in inner.structure.free]
     best: PhysicsFit | None = None
-    for values in itertools.product(*(FREEDOMS[name].starts for name in new)):
+    # Where the excess fades with speed it acts on moving wheels too, and slopes show the way.
+    fades = "stribeck_mps" in structure.free
+    starts = [
+        FREEDOMS[name].starts[1:4:2] if name == "breakaway_excess" and fades else FREEDOMS[name].starts
+        for name in new
+    ]
+    for values in itertools.product(*starts):
         begin = replace(inner.physics, **dict(zip(new, values, strict=True)))
         fit = fit_physics(signal, structure, start=begin, base=inner.physics, iterations=iterations)
         if best is None or fit.minimum.cost < best.minimum.cost:
             best = fit
     assert best is not None
-    if "breakaway_excess" in new:
+    if "breakaway_excess" in new and not fades:
         best = _scan_breakaway(signal, structure, best, iterations)
     return best
 

@@ -1,0 +1,164 @@
+"""All models of a recording set side by side: what each added piece of physics buys, on unseen runs too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from truing.baseline import RobotGeometry
+from truing.errors import IdentifyError
+from truing.identify.arx import ArxFit, fit_arx_signal
+from truing.identify.grey_box import WheelFit, fit_wheel
+from truing.identify.held_out import simplest_good
+from truing.identify.signals import wheel_signal
+from truing.identify.state_space import StateSpaceFit, fit_state_space_signal
+from truing.identify.structures import DELAY, STRUCTURES, Structure
+from truing.model.robot_model import RobotModel
+from truing.recording import WHEELS, RecordingSet, Wheel
+
+BASIC = ("linear", "friction", "delay")
+RICHER = tuple(name for name in STRUCTURES if name not in BASIC)
+
+
+@dataclass(frozen=True, slots=True)
+class WheelModels:
+    """Every model of one wheel.
+
+    Attributes
+    ----------
+    steps : the grey-box fits, simplest first; only the chosen one has intervals.
+    chosen : the simplest of them whose error on left-out runs is within 2 % of the lowest; with one
+        run, friction and delay.
+    arx, state_space : None where they cannot be fitted; `missing` says why.
+    """
+
+    wheel: Wheel
+    steps: tuple[WheelFit, ...]
+    chosen: WheelFit
+    arx: ArxFit | None
+    state_space: StateSpaceFit | None
+    missing: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {
+            "wheel": self.wheel,
+            "chosen": self.chosen.structure.name,
+            "grey_box": [step.to_json() for step in self.steps],
+            "arx": None if self.arx is None else self.arx.to_json(),
+            "state_space": None if self.state_space is None else self.state_space.to_json(),
+            "missing": list(self.missing),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class SetModels:
+    """Every model of a recording set; a wheel that cannot be fitted is in `refused` with the reason."""
+
+    name: str
+    wheels: tuple[WheelModels, ...]
+    refused: dict[Wheel, str]
+    robot: RobotGeometry
+    rate_hz: float
+
+    def to_json(self) -> dict[str, Any]:
+        """For `--json`."""
+        return {
+            "name": self.name,
+            "wheels": [wheel.to_json() for wheel in self.wheels],
+            "refused": dict(self.refused),
+        }
+
+    def robot_model(self) -> RobotModel:
+        """The chosen models of both wheels as one robot."""
+        chosen = {models.wheel: models.chosen for models in self.wheels}
+        for wheel in WHEELS:
+            if wheel not in chosen:
+                raise IdentifyError(f"the {wheel} wheel has no model: {self.refused.get(wheel, '')}")
+        source = {"recordings": self.name}
+        for wheel, fit in chosen.items():
+            error = fit.held_out or fit.free_run
+            kind = "left-out runs" if fit.held_out is not None else "the fitted run"
+            source[wheel] = f"{fit.structure.name}; free-run error {error.percent:.2f} % on {kind}"
+        return RobotModel(
+            chosen["left"].physics, chosen["right"].physics, self.robot, self.rate_hz, source
+        )
+
+
+def fit_models(
+    recordings: RecordingSet,
+    *,
+    richer: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> SetModels:
+    """Fit both wheels, each on its own thread (the compiled rollouts release the interpreter).
+
+    Parameters
+    ----------
+    richer : also try every structure beyond friction and delay.
+    """
+    names = BASIC + (RICHER if richer else ())
+    done = 0
+
+    def wheel_models(wheel: Wheel) -> WheelModels:
+        nonlocal done
+        models = _fit_wheel_models(recordings, wheel, names)
+        done += 1
+        if progress is not None:
+            progress(done / len(WHEELS))
+        return models
+
+    wheels: list[WheelModels] = []
+    refused: dict[Wheel, str] = {}
+    with ThreadPoolExecutor(len(WHEELS)) as pool:
+        futures = {wheel: pool.submit(wheel_models, wheel) for wheel in WHEELS}
+        for wheel, future in futures.items():
+            try:
+                wheels.append(future.result())
+            except IdentifyError as error:
+                refused[wheel] = error.message
+    if not wheels:
+        raise IdentifyError("; ".join(f"{wheel} wheel: {reason}" for wheel, reason in refused.items()))
+    baseline = recordings.baseline
+    robot = baseline.robot if baseline is not None and baseline.robot is not None else RobotGeometry()
+    rate = float(np.median([run.rate_hz for run in recordings]))
+    return SetModels(recordings.name, tuple(wheels), refused, robot, rate)
+
+
+def _fit_wheel_models(recordings: RecordingSet, wheel: Wheel, names: tuple[str, ...]) -> WheelModels:
+    runs, baseline = recordings.runs, recordings.baseline
+    signal = wheel_signal(runs, wheel, baseline)
+    steps = [
+        fit_wheel(runs, wheel, structure, baseline, intervals=False)
+        for structure in (STRUCTURES[name] for name in names)
+        if _is_visible(structure, signal.has_supply)
+    ]
+    if all(step.held_out is not None for step in steps):
+        scores = [
+            (step.held_out.rms_mps, len(step.structure.free)) for step in steps if step.held_out is not None
+        ]
+        chosen = steps[simplest_good(scores)]
+    else:
+        chosen = next(step for step in steps if step.structure is DELAY)
+    number = steps.index(chosen)
+    steps[number] = chosen = chosen.with_intervals()
+    missing: list[str] = []
+    arx: ArxFit | None = None
+    state_space: StateSpaceFit | None = None
+    try:
+        arx = fit_arx_signal(signal, wheel)
+    except IdentifyError as error:
+        missing.append(f"ARX: {error.message}")
+    try:
+        state_space = fit_state_space_signal(signal, wheel)
+    except IdentifyError as error:
+        missing.append(f"state space: {error.message}")
+    return WheelModels(wheel, tuple(steps), chosen, arx, state_space, tuple(missing))
+
+
+def _is_visible(structure: Structure, has_supply: bool) -> bool:
+    return has_supply or "supply_share" not in structure.free
