@@ -221,3 +221,21 @@ def test_a_drive_that_somebody_else_ends_is_named() -> None:
 
     with pytest.raises(TruingError, match="ended before its time"):
         drive(open_on(board), load_plan("paper/XI"), progress=other_host_stops, say=lambda _: None)
+
+
+def test_a_board_whose_time_runs_slow_is_waited_for() -> None:
+    """A virtual board that is paced below real time, or on a busy machine."""
+
+    class Slow(FakeLine):
+        def sleep(self, seconds: float) -> None:
+            super().sleep(seconds / 10)
+
+        def now_s(self) -> float:
+            return 10 * super().now_s()
+
+        def read(self, timeout_s: float) -> bytes:
+            return super().read(timeout_s / 10)
+
+    board = FakeBoard()
+    drive(Device(Client(Slow(board))), load_plan("paper/XI"))
+    assert board.now_s > 9.0
