@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import time
+import resource
 from pathlib import Path
 
 import click
@@ -22,12 +22,18 @@ def with_subcommands(command: click.Command, name: str) -> list[tuple[str, click
 
 
 def test_help_comes_at_once() -> None:
+    """The processor's time, not the clock's: other tests run beside this one."""
+
+    def spent_s() -> float:
+        usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return usage.ru_utime + usage.ru_stime
+
     truing("--help")
     times = []
     for _ in range(3):
-        began = time.perf_counter()
+        before = spent_s()
         assert truing("--help").returncode == 0
-        times.append(time.perf_counter() - began)
+        times.append(spent_s() - before)
     print(f"truing --help: {min(times):.3f} s")
     assert min(times) < 0.3
 
