@@ -23,6 +23,29 @@ void core_set(struct board *b, int reg, uint32_t value)
     uc_reg_write(b->uc, reg, &value);
 }
 
+/* Several registers in one go; at most CORE_BATCH. */
+void core_get_many(struct board *b, const int *regs, uint32_t *values, int count)
+{
+    int ids[CORE_BATCH];
+    void *where[CORE_BATCH];
+    for (int i = 0; i < count; i++) {
+        ids[i] = regs[i];
+        where[i] = &values[i];
+    }
+    uc_reg_read_batch(b->uc, ids, where, count);
+}
+
+void core_set_many(struct board *b, const int *regs, uint32_t *values, int count)
+{
+    int ids[CORE_BATCH];
+    void *where[CORE_BATCH];
+    for (int i = 0; i < count; i++) {
+        ids[i] = regs[i];
+        where[i] = &values[i];
+    }
+    uc_reg_write_batch(b->uc, ids, where, count);
+}
+
 /* Host address of guest memory, NULL where there is none (or none to write). */
 uint8_t *core_memory(const struct board *b, uint32_t address, size_t length, bool write)
 {
@@ -160,8 +183,9 @@ static bool on_memory_fault(uc_engine *uc, uc_mem_type type, uint64_t address, i
     return false;
 }
 
-/* Fills the engine's translation cache; addresses stay what they are. A page of SRAM is executable only once code has
-   run from it: stores into others need no look for code that they may change, which makes them five times faster. */
+/* Fills the engine's translation cache; addresses stay what they are. A page of SRAM is executable only once
+   code has run from it: stores into others need no look for code that they may change, which makes them five
+   times faster. */
 static bool on_tlb_fill(uc_engine *uc, uint64_t address, uc_mem_type type, uc_tlb_entry *result, void *user)
 {
     struct board *b = user;
@@ -193,7 +217,8 @@ static bool add_fault_hooks(struct board *b)
 {
     static const struct {
         uint64_t first, last;
-    } spans[] = {{0, CCM_BASE - 1}, {CCM_BASE + CCM_SIZE, SRAM_BASE - 1}, {SRAM_BASE + SRAM_SIZE, 0xFFFFFFFFu}};
+    } spans[] = {
+        {0, CCM_BASE - 1}, {CCM_BASE + CCM_SIZE, SRAM_BASE - 1}, {SRAM_BASE + SRAM_SIZE, 0xFFFFFFFFu}};
     bool good = true;
     for (size_t i = 0; i < sizeof spans / sizeof spans[0]; i++) {
         good = good &&
@@ -379,15 +404,7 @@ static void stand_still(struct board *b, uint64_t until)
 
 static bool wakes(struct board *b)
 {
-    if (b->nvic.best == 0) {
-        return false;
-    }
-    /* PRIMASK holds the handler back, not the wake-up (PM0214 2.5.3). */
-    uint32_t primask = core_get(b, UC_ARM_REG_PRIMASK);
-    core_set(b, UC_ARM_REG_PRIMASK, 0);
-    bool awake = b->nvic.best_priority < nvic_execution_priority(b);
-    core_set(b, UC_ARM_REG_PRIMASK, primask);
-    return awake;
+    return b->nvic.best_priority < nvic_execution_priority(b);
 }
 
 /* Runs up to b->target. Between blocks, in this order: events, flash stalls, exceptions, then code. */

@@ -25,8 +25,15 @@ enum {
 #define RETURN_PSP    (1u << 2)
 #define RETURN_THREAD (1u << 3)
 
-static const int frame_registers[] = {UC_ARM_REG_R0, UC_ARM_REG_R1,  UC_ARM_REG_R2,
-                                      UC_ARM_REG_R3, UC_ARM_REG_R12, UC_ARM_REG_LR};
+/* The six that the frame holds, then what else entry needs to know. */
+static const int frame_registers[] = {UC_ARM_REG_R0, UC_ARM_REG_R1,   UC_ARM_REG_R2,
+                                      UC_ARM_REG_R3, UC_ARM_REG_R12,  UC_ARM_REG_LR,
+                                      UC_ARM_REG_SP, UC_ARM_REG_XPSR, UC_ARM_REG_CONTROL};
+enum { FRAME_REGISTERS = 6, ENTRY_REGISTERS = 9 };
+struct entry_state {
+    uint32_t frame[FRAME_REGISTERS], sp, xpsr, control;
+};
+static_assert(sizeof(struct entry_state) == 4 * ENTRY_REGISTERS, "one word for each register read");
 
 static void lock_up(struct board *b)
 {
@@ -62,7 +69,8 @@ static void end_activation(struct board *b)
 }
 
 /* Puts the core into the handler; xPSR first, because it decides which stack pointer SP is. */
-static void enter_handler(struct board *b, unsigned exception, uint32_t xpsr, uint32_t exc_return)
+static void enter_handler(struct board *b, unsigned exception, uint32_t xpsr, uint32_t control,
+                          uint32_t exc_return)
 {
     uint32_t vector = 0;
     const uint8_t *entry = core_memory(b, b->scb.vtor + 4 * exception, 4, false);
@@ -72,22 +80,23 @@ static void enter_handler(struct board *b, unsigned exception, uint32_t xpsr, ui
     }
     memcpy(&vector, entry, sizeof vector);
     core_set(b, UC_ARM_REG_XPSR_NZCVQG, (xpsr & 0xF80F0000u) | XPSR_T | exception);
-    core_set(b, UC_ARM_REG_CONTROL, core_get(b, UC_ARM_REG_CONTROL) & 1u);
-    core_set(b, UC_ARM_REG_LR, exc_return);
-    core_set(b, UC_ARM_REG_PC, vector | 1u);
+    if ((control & ~1u) != 0) {
+        core_set(b, UC_ARM_REG_CONTROL, control & 1u);
+    }
+    static const int registers[] = {UC_ARM_REG_LR, UC_ARM_REG_PC};
+    core_set_many(b, registers, (uint32_t[]){exc_return, vector | 1u}, 2);
     b->it_left = 0;
     nvic_pend(b, exception, false);
     nvic_set_active(b, exception, true);
     begin_activation(b, exception);
 }
 
-static uint32_t push_frame(struct board *b, uint32_t return_pc, uint32_t xpsr, bool fp)
+static uint32_t push_frame(struct board *b, uint32_t return_pc, const struct entry_state *state, bool fp)
 {
     uint32_t words[FP_FRAME_WORDS] = {0};
-    for (size_t i = 0; i < 6; i++) {
-        words[i] = core_get(b, frame_registers[i]);
-    }
-    uint32_t sp = core_get(b, UC_ARM_REG_SP);
+    memcpy(words, state->frame, sizeof state->frame);
+    const uint32_t sp = state->sp;
+    const uint32_t xpsr = state->xpsr;
     uint32_t size = 4u * (fp ? FP_FRAME_WORDS : FRAME_WORDS);
     bool aligned = (sp & 4u) == 0 || ((b->scb.ccr & CCR_STKALIGN) == 0 && !fp);
     uint32_t base = sp - size - (aligned ? 0 : 4);
@@ -117,19 +126,20 @@ static uint32_t push_frame(struct board *b, uint32_t return_pc, uint32_t xpsr, b
 
 static void enter(struct board *b, unsigned exception, uint32_t return_pc)
 {
-    uint32_t xpsr = core_get(b, UC_ARM_REG_XPSR);
-    uint32_t control = core_get(b, UC_ARM_REG_CONTROL);
-    bool handler = (xpsr & 0x1FFu) != 0;
+    struct entry_state state;
+    core_get_many(b, frame_registers, (uint32_t *)&state, ENTRY_REGISTERS);
+    const uint32_t control = state.control;
+    bool handler = (state.xpsr & 0x1FFu) != 0;
     bool fp = (control & CONTROL_FPCA) != 0 && (b->scb.fpccr & FPCCR_ASPEN) != 0;
     spend(b, ENTRY_CYCLES + (fp ? FP_CYCLES : 0));
-    if (push_frame(b, return_pc, xpsr, fp) == 0) {
+    if (push_frame(b, return_pc, &state, fp) == 0) {
         return;
     }
     uint32_t exc_return = 0xFFFFFFE1u | (fp ? 0 : RETURN_NO_FP);
     if (!handler) {
         exc_return |= RETURN_THREAD | ((control & CONTROL_SPSEL) != 0 ? RETURN_PSP : 0);
     }
-    enter_handler(b, exception, xpsr, exc_return);
+    enter_handler(b, exception, state.xpsr, control, exc_return);
 }
 
 /* Takes the most urgent exception when it may pre-empt what runs now. */
@@ -163,14 +173,23 @@ static void pop_frame(struct board *b, uint32_t exc_return)
         exception_fault(b, EXC_USAGE_FAULT, 1u << 18, core_get(b, UC_ARM_REG_PC)); /* INVPC */
         return;
     }
-    core_set(b, psp ? UC_ARM_REG_PSP : UC_ARM_REG_MSP, sp);
-    /* IPSR and the stack choice first: they decide what SP means; the condition bits come with them. */
-    core_set(b, UC_ARM_REG_XPSR_NZCVQG, xpsr);
-    uint32_t control = core_get(b, UC_ARM_REG_CONTROL) & 1u;
-    core_set(b, UC_ARM_REG_CONTROL,
-             control | (thread && psp ? CONTROL_SPSEL : 0) | (fp ? CONTROL_FPCA | CONTROL_SFPA : 0));
-    for (size_t i = 0; i < 6; i++) {
-        core_set(b, frame_registers[i], words[i]);
+    /* xPSR with IPSR decides what SP means; the condition and IT bits come with it. */
+    const int order[] = {psp ? UC_ARM_REG_PSP : UC_ARM_REG_MSP,
+                         UC_ARM_REG_XPSR_NZCVQG,
+                         UC_ARM_REG_R0,
+                         UC_ARM_REG_R1,
+                         UC_ARM_REG_R2,
+                         UC_ARM_REG_R3,
+                         UC_ARM_REG_R12,
+                         UC_ARM_REG_LR,
+                         UC_ARM_REG_PC};
+    uint32_t values[] = {sp, xpsr, words[0], words[1], words[2], words[3], words[4], words[5], words[6] | 1u};
+    core_set_many(b, order, values, sizeof order / sizeof order[0]);
+    uint32_t before = core_get(b, UC_ARM_REG_CONTROL);
+    uint32_t control =
+        (before & 1u) | (thread && psp ? CONTROL_SPSEL : 0) | (fp ? CONTROL_FPCA | CONTROL_SFPA : 0);
+    if (control != before) {
+        core_set(b, UC_ARM_REG_CONTROL, control);
     }
     if (fp) {
         for (int i = 0; i < 8; i++) {
@@ -180,7 +199,6 @@ static void pop_frame(struct board *b, uint32_t exc_return)
         }
         core_set(b, UC_ARM_REG_FPSCR, words[24]);
     }
-    core_set(b, UC_ARM_REG_PC, words[6] | 1u);
     uint32_t it = ((xpsr >> 8) & 0xFCu) | ((xpsr >> 25) & 3u);
     b->it_left = (it & 0xFu) != 0 ? 4u - (uint32_t)__builtin_ctz(it & 0xFu) : 0;
     if (thread && (b->scb.scr & 2u) != 0) {
@@ -206,7 +224,10 @@ void exception_return(struct board *b, uint32_t exc_return)
         return;
     }
     if (exception != EXC_NMI) {
-        core_set(b, UC_ARM_REG_FAULTMASK, 0); /* cleared by every return but the NMI's, PM0214 2.1.3 */
+        if (core_get(b, UC_ARM_REG_FAULTMASK) !=
+            0) { /* cleared by every return but the NMI's, PM0214 2.1.3 */
+            core_set(b, UC_ARM_REG_FAULTMASK, 0);
+        }
     }
     nvic_set_active(b, exception, false);
     events_run(b, b->now);
@@ -214,7 +235,7 @@ void exception_return(struct board *b, uint32_t exc_return)
         spend(b, CHAIN_CYCLES);
         end_activation(b);
         b->stats.tail_chains++;
-        enter_handler(b, b->nvic.best, xpsr, exc_return);
+        enter_handler(b, b->nvic.best, xpsr, core_get(b, UC_ARM_REG_CONTROL), exc_return);
         return;
     }
     spend(b, EXIT_CYCLES + ((exc_return & RETURN_NO_FP) == 0 ? FP_CYCLES : 0));

@@ -66,16 +66,15 @@ bool pin_of_timer(const struct board *b, int timer, int channel, struct board_pi
     return false;
 }
 
-bool pin_of_usart(const struct board *b, int usart, bool transmit)
+static void find_usart_pins(struct board *b)
 {
+    memset(b->usart_routed, 0, sizeof b->usart_routed);
     for (size_t i = 0; i < ROUTES; i++) {
         const struct route *r = &routes[i];
-        if (r->signal == (transmit ? SIGNAL_USART_TX : SIGNAL_USART_RX) && r->instance == usart &&
-            routed(b, r)) {
-            return true;
+        if (r->signal != SIGNAL_TIMER && routed(b, r)) {
+            b->usart_routed[r->signal == SIGNAL_USART_TX][r->instance] = true;
         }
     }
-    return false;
 }
 
 /* Fraction of time for which the chip holds the pin high; below 0: it does not drive it. */
@@ -154,6 +153,7 @@ void gpio_reset(struct board *b, int port)
     static const struct gpio initial[2] = {{.moder = 0xA8000000u, .pupdr = 0x64000000u},
                                            {.moder = 0x00000280u, .pupdr = 0x00000100u, .ospeedr = 0xC0u}};
     b->gpio[port] = port < 2 ? initial[port] : (struct gpio){0};
+    find_usart_pins(b);
 }
 
 bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_t *value)
@@ -184,6 +184,7 @@ bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_
         for (int timer = 1; timer <= TIMERS; timer++) {
             timer_encoder_sync(b, timer);
         }
+        find_usart_pins(b);
     }
     pins_update(b);
     return true;

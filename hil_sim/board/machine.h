@@ -196,13 +196,14 @@ struct board {
     struct clock clock;
     struct event events[EVENTS];
     uint64_t next_event;
+    bool in_event;
 
     /* core */
     struct block current; /* block under way; cycles 0 when none is */
     uint32_t block_pc;
     uint32_t sram_code_pages[SRAM_SIZE / CODE_PAGE / 32]; /* one bit for each page that code has run from */
-    uint32_t accesses; /* register accesses within the block */
-    uint32_t it_left;  /* the next block begins inside an IT block */
+    uint32_t accesses;                                    /* register accesses within the block */
+    uint32_t it_left;                                     /* the next block begins inside an IT block */
     bool at_block, needs_check, reset_wanted, sleeping, locked_up, clock_dead, powered, no_fp;
     enum board_reset reset_cause;
     int trap;
@@ -219,7 +220,8 @@ struct board {
     uint32_t pwr_cr;
     struct flash flash;
     struct gpio gpio[PORTS];
-    struct timer timer[TIMERS + 1]; /* TIM1 is [1] */
+    bool usart_routed[2][USARTS + 1]; /* receivers, transmitters that a pin belongs to */
+    struct timer timer[TIMERS + 1];   /* TIM1 is [1] */
     struct usart usart[USARTS + 1];
     struct adc adc[ADCS + 1];
     uint32_t adc_ccr;
@@ -271,6 +273,9 @@ void events_run(struct board *b, uint64_t until);
 /* core.c */
 uint32_t core_get(struct board *b, int reg);
 void core_set(struct board *b, int reg, uint32_t value);
+enum { CORE_BATCH = 16 };
+void core_get_many(struct board *b, const int *regs, uint32_t *values, int count);
+void core_set_many(struct board *b, const int *regs, uint32_t *values, int count);
 bool core_open(struct board *b);
 void core_reset(struct board *b);
 void core_run(struct board *b);
@@ -326,7 +331,6 @@ bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_
 void gpio_reset(struct board *b, int port);
 void pins_update(struct board *b);
 bool pin_of_timer(const struct board *b, int timer, int channel, struct board_pin *out);
-bool pin_of_usart(const struct board *b, int usart, bool transmit);
 bool timer_access(struct board *b, int timer, uint32_t offset, bool write, uint32_t *value);
 void timer_reset(struct board *b, int timer);
 void timer_sync(struct board *b, int timer);

@@ -98,18 +98,22 @@ void nvic_set_line(struct board *b, unsigned irq, bool high)
     }
 }
 
-/* What the running code counts as: its own priority, raised by the mask registers (PM0214 2.1.3). */
+/* What the running code counts as: its own priority, raised by the mask registers (PM0214 2.1.3). A sleeping
+   core leaves PRIMASK out: it holds the handler back, not the wake-up (PM0214 2.5.3). */
 int nvic_execution_priority(struct board *b)
 {
+    static const int masks[] = {UC_ARM_REG_PRIMASK, UC_ARM_REG_BASEPRI, UC_ARM_REG_FAULTMASK};
+    uint32_t mask[3] = {0};
+    core_get_many(b, masks, mask, 3);
     int priority = b->nvic.active_group;
-    int basepri = (int)core_get(b, UC_ARM_REG_BASEPRI) & PRIORITY_MASK;
+    int basepri = (int)mask[1] & PRIORITY_MASK;
     if (basepri != 0 && group_of(b, basepri) < priority) {
         priority = group_of(b, basepri);
     }
-    if ((core_get(b, UC_ARM_REG_PRIMASK) & 1u) != 0 && priority > 0) {
+    if ((mask[0] & 1u) != 0 && priority > 0 && !b->sleeping) {
         priority = 0;
     }
-    if ((core_get(b, UC_ARM_REG_FAULTMASK) & 1u) != 0 && priority > -1) {
+    if ((mask[2] & 1u) != 0 && priority > -1) {
         priority = -1;
     }
     return priority;

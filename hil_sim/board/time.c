@@ -50,6 +50,9 @@ static void set_event(struct board *b, unsigned id, uint64_t cycle)
 {
     uint64_t before = b->events[id].at;
     b->events[id].at = cycle;
+    if (b->in_event) {
+        return; /* events_run looks for the next one afterwards */
+    }
     if (cycle < b->next_event) {
         b->next_event = cycle;
         core_update_break(b);
@@ -112,8 +115,11 @@ void events_run(struct board *b, uint64_t until)
             due++;
         }
         b->moment = b->next_event;
+        b->in_event = true;
         event_cancel(b, due);
         dispatch(b, due);
+        b->in_event = false;
+        find_next(b);
     }
     b->moment = resume > b->moment ? resume : b->moment;
     if (!b->reset_wanted) {

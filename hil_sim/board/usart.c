@@ -79,7 +79,7 @@ void usart_tx_event(struct board *b, int usart)
 {
     struct usart *u = &b->usart[usart];
     u->shifting = false;
-    if (pin_of_usart(b, usart, true)) {
+    if (b->usart_routed[true][usart]) {
         trace_add(b, TRACE_TX, (uint32_t)usart, u->shift);
         if (b->options.wires.usart_sent != NULL) {
             b->options.wires.usart_sent(b->options.wires.context, usart, u->shift, baud(b, usart),
@@ -118,7 +118,7 @@ void usart_rx_event(struct board *b, int usart)
     if (!heard) {
         return;
     }
-    if (!pin_of_usart(b, usart, false)) {
+    if (!b->usart_routed[false][usart]) {
         note_oddity(b, 0xF0000050u + (uint32_t)usart, "a byte came in for USART%d, but no pin carries its RX",
                     usart);
         return;
