@@ -134,10 +134,11 @@ def _draw_path(axes: Axes, path: PathView) -> None:
         axes.plot(*path.reference, color=REFERENCE, linewidth=1.4, linestyle="--", label="outside reference")
     axes.plot(path.x_m, path.y_m, color=NEUTRAL, linewidth=1.7, label=PATH_LABELS[path.source])
     marks = _heading_rows(path)
-    axes.quiver(
-        path.x_m[marks], path.y_m[marks], np.cos(path.theta_rad[marks]), np.sin(path.theta_rad[marks]),
-        color=NEUTRAL, angles="xy", scale=26, width=0.006, headwidth=4.5, alpha=0.6, pivot="mid",
-    )  # fmt: skip
+    if marks:
+        axes.quiver(
+            path.x_m[marks], path.y_m[marks], np.cos(path.theta_rad[marks]), np.sin(path.theta_rad[marks]),
+            color=NEUTRAL, angles="xy", scale=26, width=0.006, headwidth=4.5, alpha=0.6, pivot="mid",
+        )  # fmt: skip
     ends = ((0, "o", "white", "start"), (-1, "s", NEUTRAL, "end"))
     for row, marker, fill, name in ends:
         x, y = float(path.x_m[row]), float(path.y_m[row])
@@ -173,9 +174,9 @@ def path_window(path: PathView) -> tuple[float, float, float, float]:
 
 
 def _heading_rows(path: PathView) -> list[int]:
-    """Rows at even distances along the path, for its heading marks."""
+    """Rows at even distances along the path, for its heading marks; none when it never moves."""
     along = np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(path.x_m), np.diff(path.y_m)))))
     if along[-1] == 0.0:
-        return [0]
+        return []
     places = np.linspace(0.0, along[-1], HEADINGS + 2)[1:-1]
     return [int(row) for row in np.unique(np.minimum(np.searchsorted(along, places), along.size - 1))]

@@ -87,13 +87,17 @@ class WheelData:
     def __init__(self, runs: Sequence[Run], wheel: Wheel, baseline: Baseline | None) -> None:
         efforts, speeds, intervals, starts, weights, numbers = [], [], [], [], [], []
         for number, run in enumerate(runs):
+            measured = run.speed(wheel, baseline)
             interval = np.diff(run.t_s, prepend=run.t_s[0])
             start = np.zeros(len(run), dtype=bool)
             start[0] = True
             start[run.gaps()] = True
+            if measured.source != "vel":
+                # A differenced speed behind a gap is the mean over the gap: the next one begins the stretch.
+                start[np.minimum(run.gaps() + 1, len(run) - 1)] = True
             judged = ~start & (interval > 0.0)
             efforts.append(run.effort(wheel))
-            speeds.append(run.speed(wheel, baseline).values)
+            speeds.append(measured.values)
             intervals.append(interval)
             starts.append(start)
             weights.append(np.where(judged, 1.0 / np.sqrt(max(int(judged.sum()), 1)), 0.0))

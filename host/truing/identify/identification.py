@@ -154,7 +154,7 @@ def _fit_jobs(
 
 
 def _doubt_ramps(fits: list[FirstOrderFit]) -> tuple[FirstOrderFit, ...]:
-    """Mark time constants of ramps that contradict those of the steps.
+    """Mark fits to ramps whose time constants contradict those of the steps, or are not to be had.
 
     On a slow ramp dry friction looks like lag (both put the speed behind the effort by a constant),
     and a model without friction can only call it lag.
@@ -167,7 +167,7 @@ def _doubt_ramps(fits: list[FirstOrderFit]) -> tuple[FirstOrderFit, ...]:
     for fit in fits:
         longest = DOUBT_FACTOR * max(known[fit.wheel], default=float("inf"))
         value = fit.time_constant.value
-        if fit.label.startswith("ramps") and value is not None and value > longest:
+        if fit.label.startswith("ramps") and known[fit.wheel] and (value is None or value > longest):
             doubted.append(replace(fit, notes=(*fit.notes, RAMP_NOTE)))
         else:
             doubted.append(fit)

@@ -180,6 +180,8 @@ def _step_time(run: Run, wheel: Wheel, kind: InputKind, first: int, after: float
     else:
         # From a command the step is in the edge row; from the effort alone in the row before it.
         rows = [row for row in (first - 1, first) if row >= 1]
+    if after == before:
+        return float(t_s[first - 1])
     for row in rows:
         old_share = (after - float(effort[row])) / (after - before)
         if 0.02 < old_share < 0.98:

@@ -1,8 +1,9 @@
 """How well a least-squares fit pins its parameters down when the residuals are not white.
 
 Neighbouring residuals of a simulation resemble each other, so that a run of a thousand rows may
-hold ten independent errors. Each run's residuals are therefore taken as an autoregression, and
-the deviation of the parameters under such noise is computed. Both steps flatter: a fit swallows
+hold ten independent errors. The residuals are therefore taken as an autoregression (of one shape
+for all runs, as they come from one robot), and the deviation of the parameters under such noise
+is computed. Both steps flatter: a fit swallows
 a part of the very noise it is judged by, most of all the slow part. How much it flatters is found
 by repeating the whole procedure on noise of the fitted kind (a parametric bootstrap of the
 studentised error), and the interval is widened by that.
@@ -10,7 +11,8 @@ studentised error), and the interval is widened by that.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,18 +30,31 @@ SEED = 20_08
 CONFIDENCE = 0.95
 # Noise whose memory does not end within a run cannot be told from an offset.
 LARGEST_ROOT = 0.99
+TINY = 1e-300
 # Two standard deviations hold 95 % when nothing flatters; no repetition may claim less.
 LEAST_QUANTILE = 1.96
 
 
 @dataclass(frozen=True, slots=True)
-class _RunNoise:
-    """One run in blocks: slopes (m, p), weighted slopes (m, p), and the noise model found in it."""
+class NoiseModel:
+    """Autoregressions of one shape for all runs, each run with a level of its own.
+
+    Attributes
+    ----------
+    filters : shape (k, order + 1), whitening filters of k repetitions, each with a leading 1.
+    innovations : shape (k, runs), variance of what the filter leaves.
+    """
+
+    filters: FloatArray
+    innovations: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class _RunBlocks:
+    """One run in blocks: slopes of the simulation, and the same weighted, both of shape (m, p)."""
 
     slope: FloatArray
     gradient: FloatArray
-    model: FloatArray
-    innovation: float
 
 
 def half_widths(
@@ -57,56 +72,55 @@ def half_widths(
         it; what is quantised or repeated from row to row averages out instead of drowning the
         slow part of the noise, which is the part that moves the parameters.
     """
-    runs = []
-    for run in np.unique(run_of):
+    runs, noises = [], []
+    for run in np.unique(run_of[weight > 0.0]):
         rows = (run_of == run) & (weight > 0.0)
-        if not rows.any():
-            continue
-        noise = _block_means(residual[rows], block)
         slope = _block_means(jacobian[rows], block)
-        # Slopes per block stand for all of its rows.
-        gradient = _block_means(jacobian[rows] * weight[rows, None] ** 2, block) * (rows.sum() / len(noise))
-        models, innovations = autoregressions(noise[None, :])
-        runs.append(_RunNoise(slope, gradient, models[0], float(innovations[0])))
+        # A block's weighted slope stands for all of its rows.
+        rows_per_block = float(rows.sum()) / len(slope)
+        weighted = _block_means(jacobian[rows] * weight[rows, None] ** 2, block)
+        runs.append(_RunBlocks(slope, rows_per_block * weighted))
+        noises.append(_block_means(residual[rows], block)[None, :])
     inverse = np.linalg.pinv(np.sum([run.gradient.T @ run.slope for run in runs], axis=0))
-    meats = [_meats(run.gradient, run.model[None, :], np.array([run.innovation]))[0] for run in runs]
-    meat = np.sum(meats, axis=0)
-    deviation = np.sqrt(np.diag(inverse @ meat @ inverse))
-    return np.asarray(deviation * _studentised_quantile(runs, inverse))
+    found = fit_noise(noises)
+    deviation = _deviations(runs, found, inverse)[0]
+    return np.asarray(deviation * _studentised_quantile(runs, found, inverse))
 
 
-def _studentised_quantile(runs: list[_RunNoise], inverse: FloatArray) -> FloatArray:
+def _studentised_quantile(runs: list[_RunBlocks], found: NoiseModel, inverse: FloatArray) -> FloatArray:
     """What the error is of its own estimated deviation, at 95 %, shape (p,), by repetition."""
     rng = np.random.default_rng(SEED)
-    swallowed, _ = _refit(runs, inverse, rng)
-    corrected = []
-    for run, (models, innovations) in zip(runs, swallowed, strict=True):
-        model = _stable(run.model, run.model - models.mean(axis=0))
-        corrected.append(replace(run, model=model, innovation=run.innovation**2 / float(innovations.mean())))
-    found, errors = _refit(corrected, inverse, rng)
-    meat = np.zeros((REPETITIONS, *inverse.shape))
-    for run, (models, innovations) in zip(runs, found, strict=True):
-        meat += _meats(run.gradient, models, innovations)
-    deviations = np.sqrt(np.einsum("ij,kjl,li->ki", inverse, meat, inverse))
-    ratios = np.abs(errors) / np.maximum(deviations, 1e-300)
-    return np.maximum(np.quantile(ratios, CONFIDENCE, axis=0), LEAST_QUANTILE)
+    swallowed, _ = _refit(runs, found, inverse, rng)
+    # The memory that is found is shorter than the memory that was put in: put in more.
+    model = _stable(found.filters[0], found.filters[0] - swallowed.filters.mean(axis=0))
+    level = found.innovations**2 / swallowed.innovations.mean(axis=0)
+    again, errors = _refit(runs, NoiseModel(model[None, :], level), inverse, rng)
+    ratios = np.abs(errors) / np.maximum(_deviations(runs, again, inverse), 1e-300)
+    return np.asarray(np.maximum(np.quantile(ratios, CONFIDENCE, axis=0), LEAST_QUANTILE))
 
 
 def _refit(
-    runs: list[_RunNoise], inverse: FloatArray, rng: np.random.Generator
-) -> tuple[list[tuple[FloatArray, FloatArray]], FloatArray]:
-    """Noise models found in the residuals of made-up noise, run by run, and the errors it caused (k, p)."""
+    runs: list[_RunBlocks], noise: NoiseModel, inverse: FloatArray, rng: np.random.Generator
+) -> tuple[NoiseModel, FloatArray]:
+    """Noise models found behind fits to made-up noise, and the errors that the noise caused, shape (k, p)."""
     noises = []
     errors = np.zeros((REPETITIONS, inverse.shape[0]))
-    for run in runs:
+    for run, variance in zip(runs, noise.innovations[0], strict=True):
         m = len(run.slope)
         # A run-in of its own length lets the noise forget that it began at zero.
-        shocks = rng.normal(0.0, np.sqrt(run.innovation), (2 * m, REPETITIONS))
-        noise = _unwhiten(run.model, shocks)[m:].T
-        noises.append(noise)
-        errors += noise @ run.gradient @ inverse
-    found = [autoregressions(noise - errors @ run.slope.T) for run, noise in zip(runs, noises, strict=True)]
-    return found, errors
+        shocks = rng.normal(0.0, np.sqrt(variance), (2 * m, REPETITIONS))
+        noises.append(_unwhiten(noise.filters[0], shocks)[m:].T)
+        errors += noises[-1] @ run.gradient @ inverse
+    rest = [values - errors @ run.slope.T for run, values in zip(runs, noises, strict=True)]
+    return fit_noise(rest), errors
+
+
+def _deviations(runs: list[_RunBlocks], noise: NoiseModel, inverse: FloatArray) -> FloatArray:
+    """Standard deviations of the parameters under each of k noise models, shape (k, p)."""
+    meat = np.zeros((len(noise.filters), *inverse.shape))
+    for number, run in enumerate(runs):
+        meat += _meats(run.gradient, noise.filters, noise.innovations[:, number])
+    return np.asarray(np.sqrt(np.einsum("ij,kjl,li->ki", inverse, meat, inverse)))
 
 
 def _stable(model: FloatArray, correction: FloatArray) -> FloatArray:
@@ -118,47 +132,51 @@ def _stable(model: FloatArray, correction: FloatArray) -> FloatArray:
     return model
 
 
-def autoregressions(noise: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Whitening filters (leading 1, zero padded), and innovation variances, of several residuals.
+def fit_noise(noises: Sequence[FloatArray]) -> NoiseModel:
+    """The autoregression of one robot's residuals: a shape for all runs, a level for each.
 
     Burg's recursion, which stays stable and is less biased on short records than autocovariances;
     order by Akaike's criterion for small samples. The mean is kept: an offset is an error too.
 
     Parameters
     ----------
-    noise : shape (k, n).
-
-    Returns
-    -------
-    Filters of shape (k, order + 1) and variances of shape (k,).
+    noises : one array per run, shape (k, n) each: k repetitions of a residual.
     """
-    count, n = noise.shape
-    longest = max(min(LONGEST_MEMORY, n // BLOCKS_PER_COEFFICIENT), 0)
-    variance = np.mean(noise**2, axis=1)
-    model = np.zeros((count, longest + 1))
+    count = noises[0].shape[0]
+    n = sum(noise.shape[1] for noise in noises)
+    shortest = min(noise.shape[1] for noise in noises)
+    longest = max(min(LONGEST_MEMORY, n // BLOCKS_PER_COEFFICIENT, shortest - 2), 0)
+    powers = np.stack([np.mean(noise**2, axis=1) for noise in noises], axis=1)
+    sizes = np.sqrt(np.maximum(powers, TINY))
+    scaled = [noise / size[:, None] for noise, size in zip(noises, sizes.T, strict=True)]
+    forward = [noise[:, 1:] for noise in scaled]
+    backward = [noise[:, :-1] for noise in scaled]
+    model, share = np.zeros((count, longest + 1)), np.ones(count)
     model[:, 0] = 1.0
-    best, best_variance = model.copy(), variance.copy()
-    best_score = np.full(count, np.inf)
-    forward, backward = noise[:, 1:].copy(), noise[:, :-1].copy()
+    best, best_share, best_score = model.copy(), share.copy(), np.full(count, np.inf)
     for order in range(longest + 1):
-        score = n * np.log(np.maximum(variance, 1e-300)) + 2.0 * (order + 1) * n / max(n - order - 2, 1)
+        score = n * np.log(np.maximum(share, TINY)) + 2.0 * (order + 1) * n / max(n - order - 2, 1)
         better = score < best_score
         best_score[better] = score[better]
-        best[better], best_variance[better] = model[better], variance[better]
+        best[better], best_share[better] = model[better], share[better]
         if order == longest:
             break
-        energy = np.sum(forward**2 + backward**2, axis=1)
-        reflection = -2.0 * np.sum(forward * backward, axis=1) / np.maximum(energy, 1e-300)
+        product, energy = np.zeros(count), np.zeros(count)
+        for f, b in zip(forward, backward, strict=True):
+            product += np.sum(f * b, axis=1)
+            energy += np.sum(f**2 + b**2, axis=1)
+        reflection = -2.0 * product / np.maximum(energy, TINY)
         # Levinson's step: the filter plus its mirror image, shifted by one.
         mirrored = np.zeros_like(model)
         mirrored[:, 1 : order + 2] = model[:, order::-1] if order else model[:, :1]
         model = model + reflection[:, None] * mirrored
-        variance = variance * (1.0 - reflection**2)
+        share = share * (1.0 - reflection**2)
+        k = reflection[:, None]
         forward, backward = (
-            (forward + reflection[:, None] * backward)[:, 1:],
-            (backward + reflection[:, None] * forward)[:, :-1],
+            [(f + k * b)[:, 1:] for f, b in zip(forward, backward, strict=True)],
+            [(b + k * f)[:, :-1] for f, b in zip(forward, backward, strict=True)],
         )
-    return best, best_variance
+    return NoiseModel(best, powers * best_share[:, None])
 
 
 def _meats(gradient: FloatArray, models: FloatArray, innovations: FloatArray) -> FloatArray:
