@@ -124,4 +124,8 @@ def serve(
     robot: VirtualRobot, options: ServeOptions, announce: Callable[[str], None] = lambda _: None
 ) -> None:
     """Serve a virtual robot until Ctrl-C."""
-    Server(robot, options, announce).run()
+    with (
+        contextlib.suppress(KeyboardInterrupt),
+        contextlib.closing(Server(robot, options, announce)) as server,
+    ):
+        server.run()

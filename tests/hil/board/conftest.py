@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import struct
 import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
 from hil_sim import VirtualRobot
 
 ROOT = Path(__file__).resolve().parents[3]
 IMAGES = Path(__file__).resolve().parent / "images"
 COMPILER = "arm-none-eabi-gcc"
-FLAGS = (
-    "-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16 -O2 -g -std=gnu11 -Wall -Wextra -Werror "
-    "-ffreestanding -nostdlib -nostartfiles"
-).split()
+FLAGS = [
+    *("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"),
+    *("-O2", "-g", "-std=gnu11", "-Wall", "-Wextra", "-Werror"),
+    *("-ffreestanding", "-nostdlib", "-nostartfiles"),
+]
 
 
 class TestBoard(VirtualRobot):
@@ -47,7 +50,7 @@ def build(name: str) -> Path:
     sources = [IMAGES / f"{name}.c", IMAGES / "start.c"]
     needs = [*sources, IMAGES / "chip.h", IMAGES / "image.ld", Path(__file__)]
     if not image.exists() or image.stat().st_mtime < max(path.stat().st_mtime for path in needs):
-        partial = folder / f"{name}.{id(image):x}.elf"
+        partial = folder / f"{name}.{os.getpid()}.elf"
         command = [
             COMPILER,
             *FLAGS,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
+
 from hil_sim import EncoderFault, ResetCause
 
 PCLK1_HZ = 42e6
