@@ -216,7 +216,8 @@ def _difference(t_s: FloatArray, travel: FloatArray) -> FloatArray:
     times = t_s[last_of_time]
     if times.size < 2:
         return np.zeros_like(t_s)
-    speed = np.diff(travel[last_of_time]) / np.diff(times)
+    with np.errstate(over="ignore"):
+        speed = np.diff(travel[last_of_time]) / np.diff(times)
     speed = np.concatenate((speed[:1], speed))
     return speed[np.searchsorted(times, t_s)]
 

@@ -293,3 +293,14 @@ def test_every_real_set_is_identified_within_two_seconds(recordings: Path) -> No
         result = identify_set(read_recording_set(folder))
         assert time.perf_counter() - start < 2.0
         assert any(fit.gain.value is not None for fit in result.fits)
+
+
+def test_a_number_that_no_robot_makes_is_named_and_not_fitted() -> None:
+    run = ROBOT.drive(TEST_XI)
+    ticks = run.columns["ticks_left"].copy()
+    ticks[50] = 1e12
+    with pytest.raises(TruingError, match=r"ticks_left, row 51"):
+        identify_set(recording_set(changed(run, ticks_left=ticks)))
+    microvolts = changed(run, effort_right=1e6 * run.columns["effort_right"])
+    with pytest.raises(TruingError, match="effort_right"):
+        identify_set(recording_set(microvolts))

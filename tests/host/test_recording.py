@@ -401,3 +401,28 @@ def test_every_real_recording_is_read(recordings: Path) -> None:
         for run in read_recording_set(folder):
             assert len(run) >= 20
             assert np.isfinite(run.speed("left").values).all()
+
+
+def test_damaged_files_are_read_or_refused_and_never_crash(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2023)
+    whole = write_run(FirstOrderRobot().drive(TEST_XI), tmp_path / "whole.csv").read_bytes()
+    refused = 0
+    for _ in range(300):
+        data = bytearray(whole)
+        for _ in range(int(rng.integers(1, 6))):
+            place = int(rng.integers(len(data)))
+            match rng.integers(3):
+                case 0:
+                    data[place] = int(rng.integers(256))
+                case 1:
+                    del data[place : place + int(rng.integers(1, 100))]
+                case _:
+                    data[place:place] = rng.choice([b"1e400", b",", b"\n", b'"', b"-", b"\x00"])
+        file = tmp_path / "damaged.csv"
+        file.write_bytes(bytes(data))
+        try:
+            assert len(read_run(file)) >= 20
+        except RecordingError as error:
+            refused += 1
+            assert str(file) in error.message
+    assert refused > 100

@@ -8,8 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from truing.baseline import Baseline
-from truing.recording import WHEELS, FloatArray, RecordingSet, Run, Wheel
+from truing.errors import IdentifyError
+from truing.recording import MOTION_PAIRS, WHEELS, FloatArray, RecordingSet, Run, Wheel
 
+# Beyond these it is not a robot: volts, microseconds or a damaged file.
+LARGEST_EFFORT = 1000.0
+LARGEST_SPEED_MPS = 1000.0
 # Wheels under the same effort should turn alike; a slower one below this share is worth a word.
 ALIKE_SHARE = 0.8
 # Rows faster than this share of the fastest show what an encoder does.
@@ -37,6 +41,27 @@ class Finding:
     def __str__(self) -> str:
         where = self.run if self.wheel is None else f"{self.run}, {self.wheel} wheel"
         return f"{where}: {self.text}"
+
+
+def refuse_absurd(recordings: RecordingSet) -> None:
+    """Stop at numbers that no wheeled robot makes; arithmetic on them would only hide where they are."""
+    for run in recordings:
+        for wheel in WHEELS:
+            effort, speed = run.effort(wheel), run.speed(wheel, recordings.baseline)
+            _refuse_beyond(run, wheel, f"effort_{wheel}", effort, LARGEST_EFFORT, "")
+            column = f"speed from {MOTION_PAIRS[speed.source][WHEELS.index(wheel)]}"
+            _refuse_beyond(run, wheel, column, speed.values, LARGEST_SPEED_MPS, " m/s")
+
+
+def _refuse_beyond(run: Run, wheel: Wheel, column: str, values: FloatArray, limit: float, unit: str) -> None:
+    sizes = np.abs(values)
+    row = int(np.argmax(sizes))
+    if not sizes[row] <= limit:
+        place = f"{run.path or run.name}: {column}, row {row + 1}"
+        raise IdentifyError(
+            f"{place}: {values[row]:.3g}{unit} is not what a {wheel} wheel does",
+            "Look at that row, at the unit of the column, and at the geometry in the baseline",
+        )
 
 
 def check_set(recordings: RecordingSet) -> tuple[Finding, ...]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from truing.baseline import Baseline
-from truing.identify.data_checks import Finding, check_set
+from truing.identify.data_checks import Finding, check_set, refuse_absurd
 from truing.identify.first_order import FirstOrderFit, fit_first_order
 from truing.identify.step_metrics import StepMetrics, step_metrics
 from truing.recording import WHEELS, RecordingSet, Run, SpeedSource, Wheel
@@ -106,6 +106,7 @@ def identify_set(recordings: RecordingSet, progress: Callable[[float], None] = _
     ----------
     progress : is told the share of the work that is done, 0 to 1.
     """
+    refuse_absurd(recordings)
     runs = []
     for number, run in enumerate(recordings, start=1):
         runs.append(_identify_run(run, recordings.baseline))

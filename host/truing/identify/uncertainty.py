@@ -93,7 +93,7 @@ def _studentised_quantile(runs: list[_RunBlocks], found: NoiseModel, inverse: Fl
     swallowed, _ = _refit(runs, found, inverse, rng)
     # The memory that is found is shorter than the memory that was put in: put in more.
     model = _stable(found.filters[0], found.filters[0] - swallowed.filters.mean(axis=0))
-    level = found.innovations**2 / swallowed.innovations.mean(axis=0)
+    level = found.innovations**2 / np.maximum(swallowed.innovations.mean(axis=0), TINY)
     again, errors = _refit(runs, NoiseModel(model[None, :], level), inverse, rng)
     ratios = np.abs(errors) / np.maximum(_deviations(runs, again, inverse), 1e-300)
     return np.asarray(np.maximum(np.quantile(ratios, CONFIDENCE, axis=0), LEAST_QUANTILE))
