@@ -220,7 +220,7 @@ def _check_number(path: Path, name: str, number: int, cell: str) -> None:
         raise RecordingError(path, "the cell is empty", column=name, row=number)
     try:
         # float() would read 1_000 as a thousand; no CSV writer means that.
-        value = math.nan if "_" in text else float(text)
+        value = math.nan if "_" in text else float(cell)
     except ValueError:
         value = None
     if value is None or "_" in text:

@@ -421,8 +421,7 @@ def test_damaged_files_are_read_or_refused_and_never_crash(tmp_path: Path) -> No
         file = tmp_path / "damaged.csv"
         file.write_bytes(bytes(data))
         try:
-            assert len(read_run(file)) >= 20
-        except RecordingError as error:
+            read_run(file)
+        except RecordingError:
             refused += 1
-            assert str(file) in error.message
-    assert refused > 100
+    assert 100 < refused < 300
