@@ -71,8 +71,10 @@ uint8_t *core_memory(const struct board *b, uint32_t address, size_t length, boo
 void core_update_break(struct board *b)
 {
     uint64_t at = b->next_event < b->target ? b->next_event : b->target;
-    b->break_at =
-        b->needs_check || b->reset_wanted || b->stall_until > b->now || b->flash.stale_end != 0 ? 0 : at;
+    b->break_at = b->needs_check || b->reset_wanted || b->stall_until > b->now || b->flash.stale_end != 0 ||
+                          b->tlb_stale
+                      ? 0
+                      : at;
 }
 
 void core_count(struct board *b, uint64_t instructions, uint64_t cycles)
@@ -192,8 +194,10 @@ static bool on_tlb_fill(uc_engine *uc, uint64_t address, uc_mem_type type, uc_tl
     (void)uc;
     uint32_t page = ((uint32_t)address - SRAM_BASE) / CODE_PAGE;
     bool sram = page < SRAM_SIZE / CODE_PAGE;
-    if (sram && type == UC_MEM_FETCH) {
+    if (sram && type == UC_MEM_FETCH && (b->sram_code_pages[page / 32] >> page % 32 & 1u) == 0) {
         b->sram_code_pages[page / 32] |= 1u << page % 32;
+        b->tlb_stale = true; /* other privilege levels may still know the page as data */
+        core_update_break(b);
     }
     bool data_only = sram && (b->sram_code_pages[page / 32] >> page % 32 & 1u) == 0;
     data_only = data_only || (uint32_t)address - CCM_BASE < CCM_SIZE;
@@ -371,9 +375,9 @@ static void run_engine(struct board *b)
         cut_block(b, pc);
         b->scb.hfsr |= 1u << 31; /* DEBUGEVT: no debugger is attached */
         exception_fault(b, EXC_HARD_FAULT, 0, pc);
-    } else if (b->trap == TRAP_PREFETCH_ABORT) {
-        /* BKPT and branches into nowhere share a number in some engine versions. */
-        cut_block(b, pc);
+    } else if (b->trap == TRAP_PREFETCH_ABORT || error == UC_ERR_FETCH_PROT ||
+               error == UC_ERR_FETCH_UNMAPPED) {
+        cut_block(b, pc); /* no hook watches the RAMs, so that code in CCM ends here */
         exception_fault(b, EXC_BUS_FAULT, 1u << 8, pc);
     } else if (error == UC_ERR_OK) {
         finish_block(b);
@@ -418,6 +422,10 @@ void core_run(struct board *b)
         }
         if (b->flash.stale_end != 0) {
             flash_forget_code(b);
+        }
+        if (b->tlb_stale) {
+            b->tlb_stale = false;
+            uc_ctl_flush_tlb(b->uc);
         }
         if (!b->powered || b->locked_up || b->clock_dead) {
             if (b->now >= b->target) {

@@ -205,6 +205,7 @@ struct board {
     uint32_t accesses;                                    /* register accesses within the block */
     uint32_t it_left;                                     /* the next block begins inside an IT block */
     bool at_block, needs_check, reset_wanted, sleeping, locked_up, clock_dead, powered, no_fp;
+    bool tlb_stale; /* the engine's translation cache has to be emptied between two blocks */
     enum board_reset reset_cause;
     int trap;
     bool fault_seen;

@@ -18,7 +18,10 @@ static void set_bit(uint32_t map[4], unsigned exception, bool on)
 /* Smaller is more urgent; reset, NMI and hard fault stand above all that can be set. */
 static int full_priority(const struct board *b, unsigned exception)
 {
-    return exception <= EXC_HARD_FAULT ? (int)exception - 4 : b->nvic.priority[exception];
+    if (exception <= EXC_HARD_FAULT) {
+        return (int)exception - 4;
+    }
+    return exception < BOARD_EXCEPTIONS ? b->nvic.priority[exception] : THREAD_PRIORITY;
 }
 
 /* The part that decides on pre-emption (PRIGROUP, PM0214 2.3.6). */

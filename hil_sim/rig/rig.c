@@ -150,7 +150,8 @@ static void usart_sent(void *context, int usart, uint8_t byte, double line_baud,
         return;
     }
     if (fabs(line_baud / r->link_baud - 1) > 0.03) {
-        byte = (uint8_t)((byte << 1 | byte >> 7) ^ 0x80u); /* the host's receiver samples the wrong bits */
+        byte = (uint8_t)(((unsigned)byte << 1 | (unsigned)byte >> 7) ^
+                         0x80u); /* the host's receiver samples the wrong bits */
     }
     r->sent[(r->sent_head + r->sent_count) % r->sent_capacity] = (struct sent_byte){time_ps, byte};
     r->sent_count++;

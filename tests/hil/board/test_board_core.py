@@ -107,3 +107,21 @@ def test_the_books_tell_what_each_exception_costs(board):
     stats = b.stats()
     assert stats.instructions == sum(cost.instructions for cost in b.costs().values())
     assert stats.cycles == stats.sleep_cycles + sum(cost.cycles for cost in b.costs().values())
+
+
+def test_code_in_sram_runs_and_what_is_written_over_it_runs_next(board):
+    b = board("ram_code")
+    b.run_us(2000)
+    assert b.words("results") == [1, 2, 3, 4]
+
+
+def test_bit_aliases_reach_one_bit_of_sram(board):
+    b = board("ram_code")
+    b.run_us(2000)
+    assert b.words("bits") == [1, 1 << 9, 0x47702001]
+
+
+def test_code_in_ccm_is_an_instruction_bus_fault(board):
+    b = board("ram_code")
+    b.run_us(2000)
+    assert b.word("faulted") == 1 << 8  # IBUSERR
