@@ -350,6 +350,20 @@ static void wait_for_event(struct board *b, uint32_t pc)
     b->sleeping = opcode == OPCODE_WFI;
 }
 
+/* UNALIGNED, INVSTATE or UNDEFINSTR of CFSR. */
+static uint32_t usage_fault_of(uc_err error)
+{
+    switch (error) {
+    case UC_ERR_READ_UNALIGNED:
+    case UC_ERR_WRITE_UNALIGNED:
+        return 1u << 24;
+    case UC_ERR_EXCEPTION:
+        return 1u << 17;
+    default:
+        return 1u << 16;
+    }
+}
+
 /* One stretch in the engine, and what made it end. */
 static void run_engine(struct board *b)
 {
@@ -375,8 +389,7 @@ static void run_engine(struct board *b)
         cut_block(b, pc);
         b->scb.hfsr |= 1u << 31; /* DEBUGEVT: no debugger is attached */
         exception_fault(b, EXC_HARD_FAULT, 0, pc);
-    } else if (b->trap == TRAP_PREFETCH_ABORT || error == UC_ERR_FETCH_PROT ||
-               error == UC_ERR_FETCH_UNMAPPED) {
+    } else if (b->trap == TRAP_PREFETCH_ABORT || pc - CCM_BASE < CCM_SIZE) {
         cut_block(b, pc); /* no hook watches the RAMs, so that code in CCM ends here */
         exception_fault(b, EXC_BUS_FAULT, 1u << 8, pc);
     } else if (error == UC_ERR_OK) {
@@ -388,8 +401,7 @@ static void run_engine(struct board *b)
         wait_for_event(b, pc);
     } else {
         cut_block(b, pc);
-        bool thumb = error != UC_ERR_EXCEPTION;
-        exception_fault(b, EXC_USAGE_FAULT, thumb ? 1u << 16 : 1u << 17, pc);
+        exception_fault(b, EXC_USAGE_FAULT, usage_fault_of(error), pc);
     }
 }
 
