@@ -92,15 +92,12 @@ def _set_facts(recordings: RecordingSet, result: Identification) -> dict[str, st
         }
     first = recordings.runs[0].metadata
     if first is not None:
-        facts |= {_label(name): str(value) for name, value in first.firmware.items()}
+        for name, label in (("version", "Firmware"), ("board", "Board")):
+            if name in first.firmware:
+                facts[label] = str(first.firmware[name])
         if first.seed is not None:
             facts["Seed"] = str(first.seed)
     return facts
-
-
-def _label(name: str) -> str:
-    named = {"version": "Firmware", "board": "Board"}
-    return named.get(name, name.replace("_", " ").capitalize())
 
 
 def _facts(facts: Mapping[str, str]) -> str:

@@ -28,7 +28,15 @@ AXIS = {
     "ticks": "outside",
     "ticklen": 4,
 }
-LEGEND = {"orientation": "h", "x": 0, "y": -0.17, "yanchor": "top", "font": {"size": 12}}
+# At the figure's own bottom edge, whatever its height on a screen or on paper.
+LEGEND = {
+    "orientation": "h",
+    "x": 0,
+    "yref": "container",
+    "y": 0.0,
+    "yanchor": "bottom",
+    "font": {"size": 12},
+}
 
 Figure = dict[str, Any]
 
@@ -63,7 +71,7 @@ def _speeds(view: RunView) -> Figure:
     layout = {
         "font": FONT,
         "height": 500,
-        "margin": {"l": 58, "r": 12, "t": 34, "b": 120},
+        "margin": {"l": 58, "r": 12, "t": 34, "b": 112},
         "paper_bgcolor": "white",
         "plot_bgcolor": "white",
         "hovermode": "x unified",
@@ -101,7 +109,7 @@ def _path(path: PathView) -> Figure:
     layout = {
         "font": FONT,
         "height": 500,
-        "margin": {"l": 58, "r": 12, "t": 34, "b": 120},
+        "margin": {"l": 58, "r": 12, "t": 34, "b": 112},
         "paper_bgcolor": "white",
         "plot_bgcolor": "white",
         "hovermode": "closest",
