@@ -285,13 +285,14 @@ def test_the_minibots_broken_right_encoder_is_named_in_every_run(recordings: Pat
 
 
 @pytest.mark.recordings
-def test_every_real_set_is_identified_within_two_seconds(recordings: Path) -> None:
+def test_every_real_set_is_identified_within_two_seconds_of_computing(recordings: Path) -> None:
     import time
 
     for folder in sorted((recordings / "real").iterdir()):
-        start = time.perf_counter()
+        # Computing time, not the clock on the wall: other programs may share the machine.
+        start = time.process_time()
         result = identify_set(read_recording_set(folder))
-        assert time.perf_counter() - start < 2.0
+        assert time.process_time() - start < 2.0
         assert any(fit.gain.value is not None for fit in result.fits)
 
 

@@ -207,7 +207,8 @@ def fit_first_order(
     if gain_ci[0] <= 0.0 <= gain_ci[1]:
         found_gain = Quantity.unknown("m/s", "not pinned down: its 95 % interval holds zero")
     if time_ci[1] > LARGEST_TIME_FACTOR**2 * time_ci[0]:
-        reason = f"not pinned down: anything from {time_ci[0]:.2g} to {time_ci[1]:.2g} s fits"
+        low, high = (float(f"{bound:.2g}") for bound in time_ci)
+        reason = f"not pinned down: anything from {low:g} to {high:g} s fits"
         found_time = Quantity.unknown("s", reason)
     return FirstOrderFit(
         wheel=wheel,
