@@ -30,9 +30,9 @@ def test_fp_registers_and_flags_survive_interrupts_that_use_them(board):
 
 def test_it_blocks_give_the_same_result_wherever_an_interrupt_falls(board):
     b = board("it_blocks")
-    b.run_us(300_000)
+    b.run_us(500_000)
     assert b.word("ticks") > 20_000
-    assert b.word("rounds") > 20_000
+    assert b.word("rounds") > 1_000
     assert b.word("wrong") == 0
 
 
