@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,6 +45,9 @@ def command(app: App, runs: Path, model: Path | None, more: bool, out: Path | No
       truing fit my_robot
       truing fit my_robot --more --out out/my_robot/model.toml
     """
+    # Set before numpy is loaded: the matrices here are small, and a second thread for each of them only
+    # gets in the way of the thread that fits the other wheel.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from truing.identify.model_ladder import fit_models
     from truing.recording_reader import read_recording_set
 
