@@ -7,6 +7,7 @@
 #include "encoders.h"
 #include "hal.h"
 #include "identity.h"
+#include "idle.h"
 #include "motors.h"
 #include "pins.h"
 #include "registers.h"
@@ -65,6 +66,7 @@ void SysTick_Handler(void)
     if (overran) {
         controller_note_overrun(&controller);
     }
+    idle_end(); /* the main loop feeds the watchdog and sees what waits on the line */
 }
 
 void hal_sense(struct hal_sample *out)
@@ -124,9 +126,10 @@ int main(void)
 
     for (;;) {
         controller_poll(&controller);
-        /* Asked with interrupts off, or a byte that arrives in between would wait for the next tick. */
+        /* Asked with interrupts off, or a frame that ends in between would wait for the next tick. */
         cpu_interrupts_off();
-        if (!usart_link_has_input()) {
+        if (!usart_link_take_call()) {
+            idle_begin();
             cpu_wait_for_interrupt();
         }
         cpu_interrupts_on();

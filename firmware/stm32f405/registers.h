@@ -30,6 +30,7 @@ struct systick {
 #define SCB_ICSR          (*(reg32 *)0xE000ED04u)
 #define SCB_VTOR          (*(reg32 *)0xE000ED08u)
 #define SCB_AIRCR         (*(reg32 *)0xE000ED0Cu)
+#define SCB_SCR           (*(reg32 *)0xE000ED10u)
 #define SCB_SHPR(exc)     (*(volatile uint8_t *)(0xE000ED14u + (exc))) /* system exceptions 4 to 15 */
 #define SCB_SHCSR         (*(reg32 *)0xE000ED24u)
 #define SCB_CFSR          (*(reg32 *)0xE000ED28u)
@@ -38,6 +39,7 @@ struct systick {
 #define SCB_BFAR          (*(reg32 *)0xE000ED38u)
 #define SCB_CPACR         (*(reg32 *)0xE000ED88u) /* section 4.6.1 */
 #define ICSR_PENDSTSET    (1u << 26)
+#define SCR_SLEEPONEXIT   (1u << 1)
 #define AIRCR_VECTKEY     (0x05FAu << 16)
 #define AIRCR_SYSRESETREQ (1u << 2)
 #define SHCSR_MEMFAULTENA (1u << 16)

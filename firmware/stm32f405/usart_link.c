@@ -7,11 +7,16 @@
 
 #include "cortex.h"
 #include "hal.h"
+#include "idle.h"
 #include "pins.h"
 #include "registers.h"
 
 /* Powers of two. The largest frame is 1041 bytes on the wire: three of them fit either way. */
 enum { RX_SIZE = 4096, TX_SIZE = 4096, PIN_FUNCTION_USART3 = 7 };
+
+/* The main loop is called for a whole frame, not for each byte: it would spend more on waking than on reading.
+ * What waits without an end (noise, a frame under way) is fetched by the poll that follows each tick. */
+enum { FRAME_END = 0, RX_CALL = RX_SIZE / 2 };
 
 /* The real port takes two bytes at most; this bounds the tick where a port is always ready. */
 enum { PUMP_LIMIT = 16 };
@@ -22,6 +27,7 @@ volatile struct usart_link_errors usart_link_errors;
 
 static uint8_t rx_ring[RX_SIZE];
 static uint8_t tx_ring[TX_SIZE];
+static volatile bool rx_call;     /* set by the interrupt, taken by the main loop */
 static volatile uint32_t rx_head; /* written by the interrupt */
 static volatile uint32_t rx_tail; /* written by the main loop */
 static volatile uint32_t tx_head; /* written by the main loop */
@@ -64,6 +70,10 @@ static void receive(uint32_t status)
     rx_ring[head % RX_SIZE] = byte;
     compiler_barrier();
     rx_head = head + 1u;
+    if (byte == FRAME_END || head - rx_tail >= RX_CALL) {
+        rx_call = true;
+        idle_end();
+    }
 }
 
 /* Sends up to `limit` bytes while the port takes them. The caller keeps the other feeder out. */
@@ -101,9 +111,11 @@ void usart_link_pump(void)
     cpu_interrupts_on();
 }
 
-bool usart_link_has_input(void)
+bool usart_link_take_call(void)
 {
-    return rx_head != rx_tail;
+    const bool call = rx_call;
+    rx_call = false;
+    return call;
 }
 
 size_t hal_link_read(uint8_t *out, size_t capacity)

@@ -19,8 +19,8 @@ extern volatile struct usart_link_errors usart_link_errors;
 
 void usart_link_start(uint32_t bus_hz);
 
-/* True if received bytes wait for hal_link_read. */
-bool usart_link_has_input(void);
+/* True once for each time that the main loop should read: a frame has ended, or much is waiting. */
+bool usart_link_take_call(void);
 
 /* Sends what the port will take now; called by the tick, as a second way besides the interrupt. */
 void usart_link_pump(void);

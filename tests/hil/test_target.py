@@ -17,7 +17,7 @@ from truing.link.virtual_stream import VirtualStream
 
 BRAKE = ((1.0, 1.0), (1.0, 1.0))
 NOT_DRIVEN = ((-1.0, -1.0), (-1.0, -1.0))
-SYSTICK, USART3 = 15, 16 + 39
+THREAD, SYSTICK, USART3 = 0, 15, 16 + 39
 TICK_US = 1000
 FAULT_MAGIC = 0xFA17ED
 NMI = 2
@@ -165,6 +165,20 @@ def test_the_tick_leaves_nine_tenths_of_its_millisecond(robot: VirtualRobot) -> 
     assert tick.worst_cycles < per_us * TICK_US / 10
     # A byte lasts 10.8 us on the line; the interrupt must be over well before the next.
     assert serial.worst_cycles < per_us * 3
+
+
+def test_the_main_loop_sleeps_through_bytes_that_end_no_frame(robot: VirtualRobot) -> None:
+    connect(robot)
+    robot.run_us(10_000)
+    before, bytes_before = robot.cost(THREAD), robot.cost(USART3).activations
+    robot.link_write(bytes([1]) * 900)
+    robot.run_us(10_000)
+    handled = robot.cost(USART3).activations - bytes_before
+    instructions = robot.cost(THREAD).instructions - before.instructions
+    print(f"main loop: {instructions / handled:.1f} instructions for each byte")
+    assert handled == 900
+    # Reading, unstuffing and checking a byte takes 46; waking for each would add more than that.
+    assert instructions < 60 * handled
 
 
 def test_a_saturated_line_loses_nothing_and_breaks_no_rule_of_the_chip(robot: VirtualRobot) -> None:
