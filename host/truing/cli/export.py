@@ -1,0 +1,119 @@
+"""`truing export`: a model becomes the file of a simulator or a controller."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from truing.cli.app import App
+from truing.cli.options import json_option
+
+# Kind, and what it is; a test keeps this equal to the exporters, which take time to import.
+KINDS: dict[str, str] = {
+    "toml": "the whole model; also a baseline.toml for truing diagnose",
+    "mat": "every parameter as a MATLAB structure: model.left.gain_mps, ...",
+    "c-header": "parameters of the board: feedforward ks, kv, ka and the geometry",
+    "python": "one file with simulate(times, efforts), needs no package",
+    "simulink": "state space A, B, C, D, Ts and delay (.mat) with a script (.m)",
+    "urdf": "joint damping, friction, limits and inertia",
+    "sdf": "joint damping, friction, limits and inertia for Gazebo",
+    "mjcf": "damping, frictionloss, armature and actuators for MuJoCo",
+    "ros2-control": "diff_drive_controller parameters: geometry, speed and acceleration limits",
+    "wpilib": "feedforward gains kS, kV, kA",
+    "fmu": "FMI 2.0 co-simulation unit for Linux on x86-64, with its C sources",
+}
+POSITIVE = click.FloatRange(min=0.0, min_open=True)
+
+
+class _Command(click.Command):
+    """A command whose help lists the kinds below its options."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        with formatter.section("Kinds"):
+            formatter.write_dl([*KINDS.items(), ("all", "every kind that the model has enough for")])
+
+
+@click.command(cls=_Command, no_args_is_help=True)
+@click.argument("model", metavar="MODEL.TOML", type=click.Path(path_type=Path))
+@click.option(
+    "--to", "kind", metavar="KIND", required=True, type=click.Choice([*KINDS, "all"]), help="See below."
+)
+@click.option(
+    "--out",
+    metavar="PATH",
+    required=True,
+    type=click.Path(path_type=Path),
+    help="File, or folder to put it into.",
+)
+@click.option("--wheel-radius", type=POSITIVE, help="Metres, where the model does not say.")
+@click.option("--wheelbase", type=POSITIVE, help="Metres between the wheels, where the model does not say.")
+@click.option(
+    "--inertia",
+    type=POSITIVE,
+    help="Inertia of each axle with what it drives, kg m^2: the free scale of urdf, sdf and mjcf."
+    "  [default: half of a robot of 5 kg]",
+)
+@click.option(
+    "--nominal-voltage",
+    type=POSITIVE,
+    default=12.0,
+    show_default=True,
+    help="Volts at full effort, for wpilib.",
+)
+@click.option("--period", type=POSITIVE, help="Seconds between samples, for simulink.  [default: the log's]")
+@json_option
+def command(
+    app: App,
+    model: Path,
+    kind: str,
+    out: Path,
+    wheel_radius: float | None,
+    wheelbase: float | None,
+    inertia: float | None,
+    nominal_voltage: float,
+    period: float | None,
+) -> None:
+    """Write MODEL.TOML (from `truing fit --out`, or a baseline) as KIND, and say what KIND cannot hold.
+
+    \b
+    Examples:
+      truing export model.toml --to mjcf --out out/robot.xml
+      truing export model.toml --to fmu --out out/robot.fmu
+      truing export baseline.toml --to all --out out/robot
+    """
+    from truing.errors import TruingError
+    from truing.exporters import ExportOptions, exporters, left_out, read_model
+
+    read, unused = read_model(model)
+    options = ExportOptions(nominal_voltage, inertia, wheel_radius, wheelbase, period)
+    kinds = list(KINDS) if kind == "all" else [kind]
+    name = _file_name(read.robot.name or model.stem)
+    results = []
+    with app.progress("exporting") as progress:
+        for number, one in enumerate(kinds, start=1):
+            exporter = exporters()[one]
+            folder = kind == "all" or out.is_dir() or not out.suffix
+            path = out / f"{name}_{one}{exporter.SUFFIX}" if folder else out
+            notes = left_out(read, exporter.HOLDS)
+            try:
+                files = exporter.write(read, path, options)
+            except TruingError as error:
+                if kind != "all":
+                    raise
+                files, notes = (), (f"not written: {error.message}",)
+            results.append({"kind": one, "files": [str(file) for file in files], "notes": list(notes)})
+            progress(number / len(kinds))
+    app.emit({"model": str(model), "notes": list(unused), "exports": results})
+    for note in unused:
+        app.say(f"note: {note}")
+    for result in results:
+        for file in result["files"]:
+            app.say(f"written: {file}")
+        for note in result["notes"]:
+            app.say(f"note: {result['kind']}: {note}")
+
+
+def _file_name(name: str) -> str:
+    """A robot's name as the beginning of a file's."""
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)

@@ -1,0 +1,74 @@
+"""Models for simulators and controllers: one exporter per format, all of one form."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Protocol, cast
+
+from truing.errors import TruingError
+from truing.model.robot_model import RobotModel
+
+from .source import read_model
+from .terms import ExportOptions, left_out
+
+__all__ = ["ExportOptions", "Exporter", "exporter", "exporters", "left_out", "read_model"]
+
+
+class Exporter(Protocol):
+    """What a module of this package offers.
+
+    Attributes
+    ----------
+    KIND : the word for `--to`.
+    TITLE : what it is for, one line.
+    SUFFIX : how the file's name ends.
+    HOLDS : the terms of the model that the format has a place for (see `terms.TERMS`).
+    """
+
+    KIND: str
+    TITLE: str
+    SUFFIX: str
+    HOLDS: frozenset[str]
+
+    def write(self, model: RobotModel, path: Path, options: ExportOptions = ...) -> tuple[Path, ...]:
+        """Write the model; the paths written, the main one first."""
+
+
+def exporters() -> dict[str, Exporter]:
+    """Every exporter by its kind."""
+    from . import (
+        c_header,
+        fmu,
+        mjcf,
+        model_mat,
+        model_toml,
+        python_function,
+        ros2_control,
+        sdf,
+        state_space,
+        urdf,
+        wpilib_gains,
+    )
+
+    modules = (
+        model_mat,
+        model_toml,
+        c_header,
+        python_function,
+        state_space,
+        urdf,
+        sdf,
+        mjcf,
+        ros2_control,
+        wpilib_gains,
+        fmu,
+    )
+    return {module.KIND: cast("Exporter", module) for module in modules}
+
+
+def exporter(kind: str) -> Exporter:
+    """The exporter of this kind."""
+    known = exporters()
+    if kind not in known:
+        raise TruingError(f"there is no export kind {kind!r}", f"There are: {', '.join(known)}")
+    return known[kind]
