@@ -7,9 +7,10 @@ from pathlib import Path
 
 from click.testing import CliRunner
 
-from support.foreign_files import write_sysid, write_wpilog
+from support.foreign_files import GAIN, TAU, drives, sysid_rows, write_sysid, write_wpilog
 from truing.cli import group
 from truing.errors import OutputError
+from truing.importers import read_runs
 from truing.recording_reader import read_recording_set
 
 
@@ -50,3 +51,30 @@ def test_a_bad_file_leaves_no_set_behind(tmp_path: Path) -> None:
     assert result.exception is not None
     assert "b.json" in str(result.exception)
     assert not (tmp_path / "set").exists()
+
+
+def test_identify_takes_a_file_of_another_program_and_says_what_was_found(tmp_path: Path) -> None:
+    path = write_sysid(tmp_path / "a.json", time_scale=1e6)
+    result = CliRunner().invoke(group, ["identify", str(path), "--json"])
+    assert result.exit_code == 0, result.output
+    value = json.loads(result.stdout)
+    assert [run["run"] for run in value["runs"]][2:] == ["03_fast_forward", "04_fast_backward"]
+    texts = [finding["text"] for finding in value["findings"]]
+    assert any("taken as microseconds" in text for text in texts)
+    for fit in value["first_order"]:
+        assert abs(fit["gain_mps"]["value"] - GAIN) < 0.02 * GAIN
+        assert abs(fit["time_constant_s"]["value"] - TAU) < 0.1 * TAU
+
+
+def test_a_spin_on_the_spot_is_imported_but_not_identified_together_with_straight_runs(
+    tmp_path: Path,
+) -> None:
+    spin = sysid_rows(drives()[2], 9)
+    for row in spin:
+        row[2], row[4], row[6] = -row[2], -row[4], -row[6]
+    path = write_sysid(tmp_path / "a.json", **{"track-width": spin})
+    result = CliRunner().invoke(group, ["import", str(path), "--out", str(tmp_path / "set")])
+    assert "05_track_width" in result.output
+    recordings = read_runs(path)
+    assert len(recordings) == 4
+    assert any("track-width is left out" in text for text in recordings.runs[0].warnings)

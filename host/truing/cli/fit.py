@@ -34,7 +34,8 @@ if TYPE_CHECKING:
 )  # fmt: skip
 @json_option
 def command(app: App, runs: Path, model: Path | None, more: bool, out: Path | None) -> None:
-    """Fit models to RUNS: a recording set, a folder of CSV files, or one CSV file.
+    """Fit models to RUNS: a recording set, a folder of CSV files, one CSV file, or a file
+    of another program (`truing import --help` lists them).
 
     A wheel's physics (gain, time constant, friction, delay), an ARX model and a state-space model are
     fitted to all runs together. Errors are of free-run simulation, in per cent of the 98th percentile
@@ -49,9 +50,9 @@ def command(app: App, runs: Path, model: Path | None, more: bool, out: Path | No
     # gets in the way of the thread that fits the other wheel.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from truing.identify.model_ladder import fit_models
-    from truing.recording_reader import read_recording_set
+    from truing.importers import read_runs
 
-    recordings = read_recording_set(runs, model)
+    recordings = read_runs(runs, model)
     with app.progress("fitting") as progress:
         models = fit_models(recordings, richer=more, progress=progress)
     app.emit(models.to_json())

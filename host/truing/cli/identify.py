@@ -25,7 +25,8 @@ from truing.cli.options import json_option
 )
 @json_option
 def command(app: App, runs: Path, model: Path | None, out: Path | None) -> None:
-    """Print gain and time constants of RUNS: a recording set, a folder of CSV files, or one CSV file.
+    """Print gain and time constants of RUNS: a recording set, a folder of CSV files, one CSV file,
+    or a file of another program (`truing import --help` lists them).
 
     Steps give a gain and a time constant each (the paper's Tables III and IV); a first-order model
     is fitted to all runs together by free-run simulation. What cannot be determined says why.
@@ -35,13 +36,14 @@ def command(app: App, runs: Path, model: Path | None, out: Path | None) -> None:
       truing identify out/recordings/virtual
       truing identify my_robot --model baseline.toml --out out/my_robot
       truing identify my_robot/runs/01_step.csv --json
+      truing identify sysid_data.json
     """
     from truing.identify.data_checks import summarise
     from truing.identify.identification import identify_set
     from truing.identify.tables import result_tables, unstepped
-    from truing.recording_reader import read_recording_set
+    from truing.importers import read_runs
 
-    recordings = read_recording_set(runs, model)
+    recordings = read_runs(runs, model)
     with app.progress("identifying") as progress:
         result = identify_set(recordings, progress)
     app.emit(result.to_json())

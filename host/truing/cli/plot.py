@@ -35,13 +35,13 @@ def command(app: App, runs: Path, model: Path | None, out: Path | None) -> None:
       truing plot my_robot --out out/pictures
     """
     from truing.identify.identification import identify_set
+    from truing.importers import read_runs
     from truing.plot import save_png
-    from truing.recording_reader import read_recording_set
     from truing.report import save_report, whole_fits
     from truing.run_view import view_run
     from truing.workspace import out_folder
 
-    recordings = read_recording_set(runs, model)
+    recordings = read_runs(runs, model)
     folder = out if out is not None else out_folder() / "plots" / recordings.name
     written = []
     with app.progress("drawing") as progress:

@@ -9,8 +9,9 @@ from truing.errors import RecordingError
 from truing.recording import MINIMUM_ROWS
 
 from .foreign import Finding, ForeignTest, Imported, ImportOptions, to_run
+from .recording_set import read_runs
 
-__all__ = ["Finding", "ImportOptions", "Imported", "import_file", "is_foreign"]
+__all__ = ["Finding", "ImportOptions", "Imported", "import_file", "is_foreign", "read_runs"]
 
 HEAD_BYTES = 4096
 

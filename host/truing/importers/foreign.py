@@ -25,6 +25,7 @@ class ImportOptions:
     wheelbase_m : distance between the wheels, m; needed where only body speeds are commanded.
     full_speed_mps : wheel speed that counts as effort 1 where speeds are commanded and no effort is recorded.
     mapping : a mapping file (mapped_csv.py), or None to look for one beside the data.
+    spins : whether tests that turn the robot on the spot are wanted.
     """
 
     nominal_voltage_v: float = NOMINAL_VOLTAGE_V
@@ -32,6 +33,7 @@ class ImportOptions:
     wheelbase_m: float | None = None
     full_speed_mps: float | None = None
     mapping: Path | None = None
+    spins: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +130,13 @@ def to_run(
     for name in ("ticks_left", "ticks_right"):
         if name in columns:
             columns[name] = columns[name] - columns[name][0]
-    said = [str(finding) for finding in findings if finding.test in ("", test.name)]
-    metadata = RunMetadata(extra={"imported_from": source.name, "test": test.name, "findings": said})
-    return Run(f"{number:02d}_{test.name}", columns, order=tuple(columns), metadata=metadata)
+    said = tuple(finding.text for finding in findings if finding.test in ("", test.name))
+    extra = {"imported_from": source.name, "test": test.name, "findings": list(said)}
+    return Run(
+        f"{number:02d}_{test.name}",
+        columns,
+        order=tuple(columns),
+        path=source,
+        metadata=RunMetadata(extra=extra),
+        warnings=said,
+    )

@@ -31,7 +31,7 @@ def find_mapping(path: Path, options: ImportOptions) -> Path:
     names = " or ".join(candidate.name for candidate in candidates)
     raise RecordingError(
         path,
-        f"its columns are not the contract's, and there is no mapping: {names} beside it, or --mapping",
+        f"its columns are not our own, and there is no mapping: {names} beside it or truing import --mapping",
         next_step=EXAMPLE,
     )
 

@@ -58,7 +58,7 @@ def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Fi
         times, wheels = bag.joints.arrays()
         per_radian = 1.0 if options.metres_per_unit is None else options.metres_per_unit
         if options.metres_per_unit is None:
-            text = "wheel angles (rad) are taken as metres: give the wheel radius with --metres-per-unit"
+            text = "angles (rad) are taken as metres: truing import --metres-per-unit takes the wheel radius"
             findings.append(Finding("position_unit", text))
         position, speed = (
             block * per_radian if np.isfinite(block).all() else None for block in (wheels[0:2], wheels[2:4])
@@ -190,7 +190,7 @@ def _wheelbase(path: Path, options: ImportOptions) -> float:
         raise RecordingError(
             path,
             "body speeds need the wheelbase to become wheel speeds",
-            next_step="Give --wheelbase in metres",
+            next_step="Give truing import --wheelbase METRES",
         )
     return options.wheelbase_m
 

@@ -21,7 +21,8 @@ from .foreign import Finding, ForeignTest, ImportOptions
 
 KIND = "WPILib SysId JSON"
 
-TESTS = ("slow-forward", "slow-backward", "fast-forward", "fast-backward", "track-width")
+SPIN = "track-width"
+TESTS = ("slow-forward", "slow-backward", "fast-forward", "fast-backward", SPIN)
 
 GZIP = b"\x1f\x8b"
 # Columns by the width of a row: frc-characterization of 2020 and SysId, a drive and one mechanism each.
@@ -56,6 +57,10 @@ def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Fi
     findings.append(unit_finding)
     for name in TESTS:
         if not data.get(name):
+            continue
+        if name == SPIN and not options.spins:
+            text = f"test {SPIN} is left out: tyres twisted on the spot rub more; truing import keeps it"
+            findings.append(Finding("spin_left_out", text))
             continue
         rows = _rows(path, name, data[name])
         tests.append(_test(name.replace("-", "_"), rows, per_unit))
@@ -92,11 +97,11 @@ def _metres_per_unit(data: dict[str, Any], options: ImportOptions) -> tuple[floa
     unit, per_rotation = str(data.get("units", "")).lower(), data.get("unitsPerRotation")
     if unit not in METRES_PER_UNIT:
         known = f"the file says {unit!r}" if unit else "the file does not say"
-        text = f"positions are taken as metres: {known}; give --metres-per-unit to scale them"
+        text = f"positions are taken as metres: {known}; truing import --metres-per-unit scales them"
         return 1.0, Finding("position_unit", text)
     text = (
         f"positions are taken as {unit}; the file's {per_rotation} units per rotation are not applied, since "
-        "programs differ in whether they send rotations or units; give --metres-per-unit to scale them"
+        "programs differ in whether they send rotations or units; truing import --metres-per-unit scales them"
     )
     return METRES_PER_UNIT[unit], Finding("position_unit", text)
 

@@ -117,7 +117,9 @@ def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Fi
         findings.append(Finding("cut_off", text))
     per_unit = 1.0 if options.metres_per_unit is None else options.metres_per_unit
     if options.metres_per_unit is None:
-        text = "positions are taken as metres: a data log does not say; give --metres-per-unit to scale them"
+        text = (
+            "positions are taken as metres: a log does not say; truing import --metres-per-unit scales them"
+        )
         findings.append(Finding("position_unit", text))
     tests = []
     base = channels["position", 0] if ("position", 0) in channels else channels["speed", 0]
