@@ -13,7 +13,7 @@ from truing.baseline import read_baseline
 from truing.cli import group
 from truing.cli.export import KINDS
 from truing.errors import BaselineError, TruingError
-from truing.exporters import ExportOptions, exporter, exporters, left_out, read_model
+from truing.exporters import ExportOptions, exporter, exporters, notes, read_model
 from truing.exporters.terms import EVERYTHING
 from truing.model.robot_model import RobotModel
 
@@ -66,7 +66,7 @@ def test_every_kind_is_written_into_a_folder_at_once(tmp_path: Path) -> None:
         path = out / f"stingray_{kind}{item.SUFFIX}"
         assert path.stat().st_size > 100, kind
         assert f"written: {path}" in text
-        for sentence in left_out(RICH, item.HOLDS):
+        for sentence in notes(kind, RICH):
             assert f"note: {kind}: {sentence}" in text
 
 
@@ -75,7 +75,8 @@ def test_json_lists_files_and_what_they_leave_out(tmp_path: Path) -> None:
     value = json.loads(run("export", saved(tmp_path, PLAIN), "--to", "urdf", "--out", path, "--json"))
     (export,) = value["exports"]
     assert export["files"] == [str(path)]
-    assert [note.split(" ")[0] for note in export["notes"]] == ["delay"]
+    assert export["notes"][0].startswith("delay is left out")
+    assert "inertia per axle is 0.0100806 kg m^2, a free choice" in export["notes"][1]
 
 
 def test_toml_reads_back_as_the_same_model_and_is_a_baseline_too(tmp_path: Path) -> None:
@@ -147,7 +148,8 @@ def test_what_a_kind_holds_is_known_and_what_it_leaves_out_is_said_per_term(kind
     holds = exporter(kind).HOLDS
     assert holds <= EVERYTHING
     present = {"friction", "delay", "breakaway", "drag", "offset", "lag", "direction"}
-    assert [sentence.split(" ")[0] for sentence in left_out(RICH, holds)] == [
+    said = [sentence.split(" ")[0] for sentence in notes(kind, RICH) if "is left out" in sentence]
+    assert said == [
         term
         for term in ("friction", "delay", "breakaway", "drag", "offset", "lag", "direction")
         if term in present - holds

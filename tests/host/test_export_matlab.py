@@ -12,7 +12,7 @@ import scipy.io
 import scipy.signal
 
 from support.exported import PERIOD_S, PLAIN, RICH, drive, ours, scale
-from truing.exporters import ExportOptions, exporter
+from truing.exporters import ExportOptions, exporter, notes
 from truing.model.wheel import PHYSICS_FIELDS
 
 
@@ -70,9 +70,19 @@ def test_what_is_no_linear_term_is_named_in_both_files_and_friction_stands_besid
     m = loaded(path)
     np.testing.assert_array_equal(m["friction"].ravel(), [0.05, 0.07])
     script = files[1].read_text()
-    for text in (str(m["left_out"][0]), script):
+    for text in (" ".join(str(line) for line in m["notes"]), script):
         assert "friction is left out" in text
         assert "breakaway is left out" in text
+
+
+def test_a_delay_of_no_whole_number_of_samples_is_said_where_it_is_rounded(tmp_path: Path) -> None:
+    path = tmp_path / "robot.mat"
+    files = exporter("simulink").write(PLAIN, path)
+    (said, other) = notes("simulink", PLAIN)[-2:]
+    assert "left 0.06 s becomes 0.05 s at Ts = 0.05 s" in said
+    assert "right 0.04 s becomes 0.05 s at Ts = 0.05 s" in other
+    assert said in files[1].read_text()
+    assert not any("becomes" in text for text in notes("simulink", PLAIN, ExportOptions(period_s=PERIOD_S)))
 
 
 def test_the_script_is_named_as_matlab_wants_and_uses_only_what_it_loads(tmp_path: Path) -> None:

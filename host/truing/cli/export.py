@@ -83,7 +83,7 @@ def command(
       truing export baseline.toml --to all --out out/robot
     """
     from truing.errors import TruingError
-    from truing.exporters import ExportOptions, exporters, left_out, read_model
+    from truing.exporters import ExportOptions, exporters, notes, read_model
 
     read, unused = read_model(model)
     options = ExportOptions(nominal_voltage, inertia, wheel_radius, wheelbase, period)
@@ -95,14 +95,14 @@ def command(
             exporter = exporters()[one]
             folder = kind == "all" or out.is_dir() or not out.suffix
             path = out / f"{name}_{one}{exporter.SUFFIX}" if folder else out
-            notes = left_out(read, exporter.HOLDS)
             try:
                 files = exporter.write(read, path, options)
+                said = notes(one, read, options)
             except TruingError as error:
                 if kind != "all":
                     raise
-                files, notes = (), (f"not written: {error.message}",)
-            results.append({"kind": one, "files": [str(file) for file in files], "notes": list(notes)})
+                files, said = (), (f"not written: {error.message}",)
+            results.append({"kind": one, "files": [str(file) for file in files], "notes": list(said)})
             progress(number / len(kinds))
     app.emit({"model": str(model), "notes": list(unused), "exports": results})
     for note in unused:

@@ -9,9 +9,9 @@ from truing.errors import TruingError
 from truing.model.robot_model import RobotModel
 
 from .source import read_model
-from .terms import ExportOptions, left_out
+from .terms import DEFAULTS, ExportOptions, left_out
 
-__all__ = ["ExportOptions", "Exporter", "exporter", "exporters", "left_out", "read_model"]
+__all__ = ["ExportOptions", "Exporter", "exporter", "exporters", "notes", "read_model"]
 
 
 class Exporter(Protocol):
@@ -64,6 +64,17 @@ def exporters() -> dict[str, Exporter]:
         fmu,
     )
     return {module.KIND: cast("Exporter", module) for module in modules}
+
+
+def notes(kind: str, model: RobotModel, options: ExportOptions = DEFAULTS) -> tuple[str, ...]:
+    """What a format leaves out of a model, and what else its user should know.
+
+    A module says the latter with `remarks(model, options)`, where it has something to say.
+    """
+    module = exporter(kind)
+    remarks = getattr(module, "remarks", None)
+    more: tuple[str, ...] = remarks(model, options) if remarks is not None else ()
+    return (*left_out(model, module.HOLDS), *more)
 
 
 def exporter(kind: str) -> Exporter:

@@ -80,13 +80,13 @@ def joints(model: RobotModel, options: ExportOptions) -> tuple[Joint, Joint]:
     return made[0], made[1]
 
 
-def inertia_note(model: RobotModel, options: ExportOptions) -> str:
-    """The free choice, for a file's head."""
+def remarks(model: RobotModel, options: ExportOptions) -> tuple[str, ...]:
+    """The free choice, and how to turn effort into torque."""
     inertia = joints(model, options)[0].inertia_kgm2
     mass = 2.0 * inertia / options.radius(model) ** 2
     source = "as asked" if options.inertia_kgm2 else "a free choice"
     return (
-        f"inertia per axle {inertia:.6g} kg m^2, {source}: all torques scale with it, speeds do not change; "
-        f"it stands for half of a robot of {mass:.4g} kg whose body stands still; where the simulator moves "
-        "a mass m on a floor, take m r^2 / 2 off the axle"
+        f"inertia per axle is {inertia:.6g} kg m^2, {source}: torques scale with it, speeds do not change",
+        f"that is half of a robot of {mass:.4g} kg whose body stands still; where a simulator moves a mass m "
+        "on a floor, take m r^2 / 2 off the axle",
     )

@@ -14,7 +14,8 @@ from xml.etree import ElementTree as Xml
 
 from truing.model.robot_model import RobotModel
 
-from .joint import WHEEL_SHARE, inertia_note, joints
+from .joint import WHEEL_SHARE, joints
+from .joint import remarks as joint_remarks
 from .terms import DEFAULTS, ExportOptions, headline, left_out, wheels
 from .xml_file import child, number, numbers, write_xml
 
@@ -84,16 +85,26 @@ def write(model: RobotModel, path: Path, options: ExportOptions = DEFAULTS) -> t
             motor.set("delay", number(joint.delay_s - 0.5 * step))
             motor.set("nsample", str(math.ceil(joint.delay_s / step) + 1))
     root.append(actuators)
-    notes = [
-        headline(model),
-        inertia_note(model, options),
-        "ctrl is the effort (-1..1); the gear is the torque at full effort, N m",
-        "armature is the axle's inertia without the wheel body's own",
-    ]
-    if any(joint.delay_s > 0.0 for joint in made):
-        notes += [
+    write_xml(
+        root,
+        path,
+        (
+            headline(model),
+            "ctrl is the effort (-1..1); the gear is the torque at full effort, N m",
+            "armature is the axle's inertia without the wheel body's own",
+            *remarks(model, options),
+            *left_out(model, HOLDS),
+        ),
+    )
+    return (path,)
+
+
+def remarks(model: RobotModel, options: ExportOptions) -> tuple[str, ...]:
+    """The free choice of inertia, and what a delay asks of MuJoCo."""
+    said = joint_remarks(model, options)
+    if any(wheel.delay_s > 0.5 * timestep(model) for _, wheel in wheels(model)):
+        said += (
             "delay and nsample of the motors need MuJoCo 3.5 or later; an older one wants them removed",
             "each delay is written half a step short, since MuJoCo rounds up to whole steps",
-        ]
-    write_xml(root, path, (*notes, *left_out(model, HOLDS)))
-    return (path,)
+        )
+    return said

@@ -62,12 +62,26 @@ def matrices(model: RobotModel, period_s: float) -> dict[str, np.ndarray]:
     }
 
 
+def remarks(model: RobotModel, options: ExportOptions) -> tuple[str, ...]:
+    """What rounding the delay to whole samples costs the discrete form."""
+    period = options.period(model)
+    said = []
+    for side, wheel in wheels(model):
+        lost = wheel.delay_s - round(wheel.delay_s / period) * period
+        if abs(lost) > 1e-9:
+            said.append(
+                f"the discrete form delays by whole samples: {side} {wheel.delay_s:.4g} s becomes "
+                f"{wheel.delay_s - lost:.4g} s at Ts = {period:.4g} s; the continuous form has it all"
+            )
+    return tuple(said)
+
+
 def write(model: RobotModel, path: Path, options: ExportOptions = DEFAULTS) -> tuple[Path, ...]:
     """The .mat and, beside it, the script of the same name."""
-    sentences = left_out(model, HOLDS)
+    sentences = (*left_out(model, HOLDS), *remarks(model, options))
     notes = "".join(f"% {sentence}\n" for sentence in sentences)
     values = matrices(model, options.period(model))
-    write_mat(path, {**values, "left_out": "; ".join(sentences), "about": headline(model)})
+    write_mat(path, {**values, "notes": "\n".join(sentences), "about": headline(model)})
     # A MATLAB script's name is an identifier.
     stem = "".join(c if c.isalnum() and c.isascii() else "_" for c in path.stem)
     script = path.with_name(f"{stem if stem[:1].isalpha() else f'm{stem}'}_load.m")

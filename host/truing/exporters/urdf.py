@@ -11,7 +11,7 @@ from xml.etree import ElementTree as Xml
 
 from truing.model.robot_model import RobotModel
 
-from .joint import inertia_note, joints
+from .joint import joints, remarks
 from .terms import DEFAULTS, ExportOptions, headline, left_out
 from .xml_file import child, number, numbers, write_xml
 
@@ -45,8 +45,8 @@ def write(model: RobotModel, path: Path, options: ExportOptions = DEFAULTS) -> t
         child(element, "dynamics", damping=number(joint.damping_nms), friction=number(joint.friction_nm))
     notes = (
         headline(model),
-        inertia_note(model, options),
         "joint torque = effort (-1..1) times the joint's effort limit",
+        *remarks(model, options),
         *left_out(model, HOLDS),
     )
     write_xml(root, path, notes)
