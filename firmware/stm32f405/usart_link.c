@@ -14,8 +14,9 @@
 /* Powers of two. The largest frame is 1041 bytes on the wire: three of them fit either way. */
 enum { RX_SIZE = 4096, TX_SIZE = 4096, PIN_FUNCTION_USART3 = 7 };
 
-/* The main loop is called for a whole frame, not for each byte: it would spend more on waking than on reading.
- * What waits without an end (noise, a frame under way) is fetched by the poll that follows each tick. */
+/* The main loop is called for a whole frame, not for each byte: it would spend more on waking than on
+ * reading. What waits without an end (noise, a frame under way) is fetched by the poll that follows each
+ * tick. */
 enum { FRAME_END = 0, RX_CALL = RX_SIZE / 2 };
 
 /* The real port takes two bytes at most; this bounds the tick where a port is always ready. */

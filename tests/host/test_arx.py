@@ -1,4 +1,4 @@
-"""ARX models: equation (37) finds what made the data; orders come from unseen data; errors keep their names."""
+"""ARX models: equation (37) finds what made the data; orders come from unseen data; errors are named."""
 
 from __future__ import annotations
 
