@@ -211,6 +211,8 @@ def folder(root: Path) -> Path:
 
 def measure(root: Path) -> list[Figure]:
     """Choose and fit on the first file, report once on the second."""
+    if not folder(root).is_dir():
+        return []
     first = read_axis(folder(root) / "DATA_EMPS.mat")
     best = choose(first)[0]
     values = fit(Segments(first, 0, len(first.t), best.horizon_s), names_of(best.structure))

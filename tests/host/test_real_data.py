@@ -83,6 +83,9 @@ def test_one_run_that_carries_the_dynamics_alone_shows_when_it_is_left_out(recor
     held_out = fitted(recordings / "real" / ARMADA, "right", "delay").held_out
     assert held_out is not None
     assert max(held_out.by_run_mps, key=lambda name: held_out.by_run_mps[name]) == "03_fast_forward"
+    right = fit_models(read_recording_set(recordings / "real" / ARMADA), richer=True).wheels[1]
+    assert right.chosen.structure.name == "delay"
+    assert any("03_fast_forward" in line for line in right.missing)
 
 
 def test_a_whole_set_is_fitted_and_written_as_one_robot(recordings: Path) -> None:

@@ -1,6 +1,6 @@
 """A wheel integrated in tiny steps, its encoder and its log: recordings whose truth is known.
 
-It shares no code with the model under test: friction is a soft threshold on small Euler steps, and
+It shares no code with the model under test: friction is a soft threshold on small steps, and
 delay is a shift of the finely sampled command.
 """
 
@@ -74,20 +74,22 @@ def record(
     delayed = _level(steps, time - 0.5 * fine_s - truth.delay)
     keep = np.exp(-fine_s / truth.disturbance_memory_s)
     kicks = rng.normal(size=n) * truth.disturbance * np.sqrt(1.0 - keep * keep)
+    decay = np.exp(-fine_s / truth.tau)
     speed = np.empty(n)
     v, d = 0.0, 0.0
     for k in range(n):
         d = keep * d + kicks[k]
         forward = v > 0.0 or (v == 0.0 and delayed[k] >= 0.0)
         gain = truth.gain if forward else truth.gain * truth.reverse_gain
-        free = v + fine_s / truth.tau * (gain * (delayed[k] + d) - v)
-        hold = fine_s / truth.tau * gain * (truth.breakaway if v == 0.0 else truth.friction)
+        free = decay * v + (1.0 - decay) * gain * (delayed[k] + d)
+        hold = (1.0 - decay) * gain * (truth.breakaway if v == 0.0 else truth.friction)
         v_new = np.sign(free) * max(abs(free) - hold, 0.0)
         if v * v_new < 0.0:
             v_new = 0.0
         v = float(v_new)
         speed[k] = v
-    travel = np.cumsum(speed) * fine_s
+    # By the trapezium: ends of steps alone would bring the log forward by half a step.
+    travel = np.cumsum(0.5 * (speed + np.concatenate(([0.0], speed[:-1])))) * fine_s
     every = round(1.0 / rate_hz / fine_s)
     rows = np.arange(every - 1, n, every)
     phase = rng.uniform()

@@ -21,6 +21,8 @@ from truing.model.robot_model import RobotModel
 from truing.recording import WHEELS, RecordingSet, Wheel
 
 BASIC = ("linear", "friction", "delay")
+# A run whose error grows by this factor when it is left out holds something that no other run holds.
+IRREPLACEABLE = 4.0
 RICHER = tuple(name for name in STRUCTURES if name not in BASIC)
 
 
@@ -32,8 +34,9 @@ class WheelModels:
     ----------
     steps : the grey-box fits, simplest first; only the chosen one has intervals.
     chosen : the simplest of them whose error on left-out runs is within 2 % of the lowest; with one
-        run, friction and delay.
-    arx, state_space : None where they cannot be fitted; `missing` says why.
+        run, or with a run that no other can stand in for, friction and delay.
+    arx, state_space : None where they cannot be fitted.
+    missing : what could not be done, and why.
     """
 
     wheel: Wheel
@@ -144,9 +147,17 @@ def _fit_wheel_models(recordings: RecordingSet, wheel: Wheel, names: tuple[str, 
         chosen = steps[simplest_good(scores)]
     else:
         chosen = next(step for step in steps if step.structure is DELAY)
+    missing: list[str] = []
+    plain = next(step for step in steps if step.structure is DELAY)
+    alone = _irreplaceable_run(plain)
+    if alone is not None:
+        chosen = plain
+        missing.append(
+            f"the other runs do not show what {alone} shows, so that leaving runs out says little here; "
+            "friction and delay were taken"
+        )
     number = steps.index(chosen)
     steps[number] = chosen = chosen.with_intervals()
-    missing: list[str] = []
     arx: ArxFit | None = None
     state_space: StateSpaceFit | None = None
     try:
@@ -158,6 +169,17 @@ def _fit_wheel_models(recordings: RecordingSet, wheel: Wheel, names: tuple[str, 
     except IdentifyError as error:
         missing.append(f"state space: {error.message}")
     return WheelModels(wheel, tuple(steps), chosen, arx, state_space, tuple(missing))
+
+
+def _irreplaceable_run(fit: WheelFit) -> str | None:
+    """The run that is simulated far worse when it is left out than when it is fitted, if there is one."""
+    if fit.held_out is None:
+        return None
+    fitted, held_out = fit.free_run.by_run_mps, fit.held_out.by_run_mps
+    worst = max(held_out, key=lambda name: held_out[name])
+    if held_out[worst] > IRREPLACEABLE * max(fitted[worst], fit.free_run.rms_mps):
+        return worst
+    return None
 
 
 def _is_visible(structure: Structure, has_supply: bool) -> bool:
