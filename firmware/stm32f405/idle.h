@@ -5,9 +5,9 @@
 #include "cortex.h"
 #include "registers.h"
 
-/* Sleep on exit (PM0214 section 2.5.1): a handler that returns to the main loop puts the core straight back to
- * sleep, so that a byte on the line costs its own interrupt and nothing else. A handler that has work for the
- * main loop calls idle_end; the tick always does, which bounds every wait to a millisecond. */
+/* Sleep on exit (PM0214 section 2.5.1): a handler that returns to the main loop puts the core straight back
+ * to sleep, so that a byte on the line costs its own interrupt and nothing else. A handler that has work for
+ * the main loop calls idle_end; the tick always does, which bounds every wait to a millisecond. */
 
 /* Called with interrupts off, right before the core sleeps. */
 static inline void idle_begin(void)
