@@ -66,7 +66,7 @@ PARAMETERS = {
         Parameter("gain", "G", "mm/s per %", 14.0, 5.0, 40.0),
         Parameter("friction", "f", "effort", 0.03, 0.0, 0.15),
         Parameter("scrub", "s", "effort", 0.02, 0.0, 0.15),
-        Parameter("drop", "d", "of supply, per wheel at full effort", 0.05, 0.0, 1.0),
+        Parameter("drop", "d", "of supply per wheel", 0.05, 0.0, 1.0),
         Parameter("remainder", "r", "of the step", 0.01, 0.0, 0.5),
         Parameter("falling", "a", "effort at 0.2 m/s", 0.01, 0.0, 0.1),
         Parameter("fade_mps", "w", "m/s", 0.06, 0.01, 1.0),
@@ -89,13 +89,13 @@ LADDER = (
     Rung("+ friction", ("gain", "friction")),
     Rung("+ pivot scrub", _BASE),
     Rung("+ supply drop", (*_BASE, "drop")),
-    Rung("+ unsettled remainder", (*_BASE, "drop", "remainder")),
+    Rung("+ unsettled rest", (*_BASE, "drop", "remainder")),
     Rung("+ falling friction", (*_BASE, "drop", "remainder", "falling", "fade_mps")),
 )
-OWN_CURRENT = Rung("supply drop by friction's own current", (*_BASE, "drop"), own_current=True)
+OWN_CURRENT = Rung("supply, friction's current", (*_BASE, "drop"), own_current=True)
 ALTERNATIVES = (
-    Rung("falling friction instead of supply", (*_BASE, "falling", "fade_mps")),
-    Rung("the same + remainder", (*_BASE, "remainder", "falling", "fade_mps")),
+    Rung("falling friction, no supply", (*_BASE, "falling", "fade_mps")),
+    Rung("the same + unsettled rest", (*_BASE, "remainder", "falling", "fade_mps")),
     OWN_CURRENT,
 )
 

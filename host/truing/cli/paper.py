@@ -1,23 +1,27 @@
-"""`truing paper`: the paper's tests I to XVII, beside its Tables III and IV."""
+"""`truing paper`: the paper's tests I to XVII beside its tables, and what both papers' numbers say."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import click
 
 from truing.cli.app import App
-from truing.cli.options import board_options
+from truing.cli.options import board_options, json_option
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from truing.identify.tables import PlainTable
     from truing.paper_tests import LevelComparison
 
+Draw: TypeAlias = Callable[[Path], Path]
 
-@click.command()
+
+@click.group(invoke_without_command=True)
 @click.option(
     "--set",
     "folder",
@@ -26,19 +30,33 @@ if TYPE_CHECKING:
 )
 @click.option("--yes", is_flag=True, help="Do not ask before a real robot moves.")
 @board_options
-def command(app: App, folder: Path | None, yes: bool) -> None:
+@click.pass_context
+def command(ctx: click.Context, app: App, folder: Path | None, yes: bool) -> None:
     """Drive tests I to XVII of Bakirci 2023 one after the other; print Tables III and IV beside the paper's.
+
+    Then say what the paper's linear model leaves out of its own gains, and which of its models carry over.
+    The subcommands do parts of this alone, and replay the odometry error model of the other paper.
 
     \b
     Examples:
       truing paper
       truing paper --seed 7 --json
+      truing paper gains
+      truing paper mom
     """
+    if ctx.invoked_subcommand is None:
+        _replay(app, folder, yes)
+
+
+def _replay(app: App, folder: Path | None, yes: bool) -> None:
     import shutil
 
     from truing.cli.driving import drive_on, warn_and_ask
     from truing.identify.identification import identify_set
+    from truing.paper_gains import study_gains
+    from truing.paper_models import study_models
     from truing.paper_tests import PAPER_TESTS, compare, gain_errors, tau_to_zero_s
+    from truing.paper_views import gain_sentences, gain_tables, model_sentences, model_tables
     from truing.plan import load_plan
     from truing.recording_reader import read_recording_set
     from truing.workspace import out_folder
@@ -67,6 +85,15 @@ def command(app: App, folder: Path | None, yes: bool) -> None:
         endings[test.name] = tau_to_zero_s(test, runs[path.stem])
     effort = gain_errors([c for c in compared if c.test.is_effort])
     velocity = gain_errors([c for c in compared if not c.test.is_effort])
+    with app.progress("explaining") as progress:
+        gains_study = study_gains()
+        progress(0.5)
+        # A set that the user names may hold runs of other days: the models are those of this drive.
+        driven = replace(
+            recordings,
+            runs=tuple(run for run in recordings if run.name in {path.stem for path in paths}),
+        )
+        models_study = study_models(driven, lambda share: progress(0.5 + 0.5 * share))
     app.emit(
         {
             "levels": [
@@ -85,6 +112,8 @@ def command(app: App, folder: Path | None, yes: bool) -> None:
             "effort_gain_error": {"mean": effort.mean, "worst": effort.worst, "worst_at": effort.worst_level},
             "velocity_gain_error": {"mean": velocity.mean, "worst": velocity.worst},
             "runs": [str(path) for path in paths],
+            "printed_gains": gains_study.to_json(),
+            "models": models_study.to_json(),
         }
     )
     app.show(_table_iii([c for c in compared if c.test.table == "III"], endings))
@@ -101,6 +130,126 @@ def command(app: App, folder: Path | None, yes: bool) -> None:
         "is not bent to match it."
     )
     app.say(f"Gains in mm/s per % of effort, or m/s per m/s; time constants in s. The runs: {folder}")
+    app.say()
+    show(app, gain_tables(gains_study)[:1], gain_sentences(gains_study))
+    show(app, model_tables(models_study), model_sentences(models_study))
+
+
+def show(app: App, tables: Sequence[PlainTable], sentences: Sequence[str]) -> None:
+    """Print tables and then what they mean."""
+    for table in tables:
+        app.show(table.to_rich())
+    for line in sentences:
+        app.say(line)
+    app.say()
+
+
+_OUT_OPTION = click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="Folder for the picture and for the tables as CSV.  [default: out/paper_study]",
+)
+
+
+def _save(out: Path | None, name: str, tables: Sequence[PlainTable], draw: Draw) -> list[str]:
+    """Write the picture and the tables; returns where."""
+    from truing.recording_writer import replace_file
+    from truing.workspace import out_folder
+
+    folder = out if out is not None else out_folder() / "paper_study"
+    written = [draw(folder / f"{name}.png")]
+    for number, table in enumerate(tables, start=1):
+        path = folder / (f"{name}.csv" if number == 1 else f"{name}_{number}.csv")
+        replace_file(path, table.to_csv().encode("utf-8"))
+        written.append(path)
+    return [str(path) for path in written]
+
+
+@command.command()
+@_OUT_OPTION
+@json_option
+def gains(app: App, out: Path | None) -> None:
+    """Explain the 22 effort gains that the paper prints: friction, pivot scrub, supply, and what is left.
+
+    No board is needed: the numbers are the paper's own.
+
+    \b
+    Example:
+      truing paper gains
+    """
+    from truing.paper_gains import study_gains
+    from truing.paper_plots import save_gains
+    from truing.paper_views import gain_sentences, gain_tables
+
+    study = study_gains()
+    tables = gain_tables(study)
+    written = _save(out, "gains", tables, lambda path: save_gains(study, path))
+    app.emit(study.to_json() | {"written": written})
+    show(app, tables, gain_sentences(study))
+    for path in written:
+        app.say(f"written: {path}")
+
+
+@command.command()
+@_OUT_OPTION
+@json_option
+def mom(app: App, out: Path | None) -> None:
+    """Replay the odometry error model of the MOM Simulator View paper against its own Table 2.
+
+    \b
+    Example:
+      truing paper mom
+    """
+    from truing.paper_mom import study_mom
+    from truing.paper_plots import save_mom
+    from truing.paper_views import mom_sentences, mom_tables
+
+    study = study_mom()
+    tables = mom_tables(study)
+    written = _save(out, "mom", tables, lambda path: save_mom(study, path))
+    app.emit(study.to_json() | {"written": written})
+    show(app, tables, mom_sentences(study))
+    for path in written:
+        app.say(f"written: {path}")
+
+
+@command.command()
+@click.option(
+    "--runs",
+    type=click.Path(path_type=Path),
+    help="Recording set with tests XI, XV, XVI and XVII.  [default: out/paper, as `truing paper` leaves it]",
+)
+@_OUT_OPTION
+@json_option
+def models(app: App, runs: Path | None, out: Path | None) -> None:
+    """Fit models on tests XI and XV as the paper does, and judge them on XVI and XVII.
+
+    \b
+    Examples:
+      truing paper models
+      truing paper models --runs out/recordings/board-1a2b3c4d
+    """
+    from truing.errors import IdentifyError
+    from truing.paper_models import study_models
+    from truing.paper_plots import save_models
+    from truing.paper_views import model_sentences, model_tables
+    from truing.recording_reader import read_recording_set
+    from truing.workspace import out_folder
+
+    folder = runs if runs is not None else out_folder() / "paper"
+    if runs is None and not folder.is_dir():
+        raise IdentifyError(
+            f"{folder}: the paper's tests have not been driven", "drive them with `truing paper`"
+        )
+    recordings = read_recording_set(folder)
+    with app.progress("fitting") as progress:
+        study = study_models(recordings, progress)
+    tables = model_tables(study)
+    written = _save(out, "models", tables, lambda path: save_models(study, path))
+    app.emit(study.to_json() | {"written": written})
+    show(app, tables, model_sentences(study))
+    for path in written:
+        app.say(f"written: {path}")
 
 
 def _table_iii(levels: Sequence[LevelComparison], endings: dict[str, float | None]) -> Table:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -19,6 +20,7 @@ from truing.identify.quantity import Quantity
 from truing.identify.step_metrics import StepMetrics
 
 NONE = "–"
+_MARK = re.compile(r"\[\d+\]")
 
 
 @dataclass
@@ -67,6 +69,16 @@ class PlainTable:
                 table.add_section()
             table.add_row(*map(_plain, row))
         return table
+
+    def to_csv(self) -> str:
+        """The rows as they stand, without the marks of notes; notes and remarks follow as comment lines."""
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(self.header)
+        writer.writerows([[_MARK.sub("", cell).strip() for cell in row] for row in self.rows])
+        for line in [*self.notes, *self.remarks]:
+            out.write(f"# {line}\n")
+        return out.getvalue()
 
     def grouped(self) -> Iterator[tuple[list[str], bool]]:
         """Rows with repeated group names blanked, and whether a row begins a group (the first excepted)."""
