@@ -10,15 +10,11 @@ void parameters_set_defaults(struct parameters *parameters)
     }
 }
 
-enum parameters_result parameters_set(struct parameters *parameters, uint16_t index, float value)
+enum parameters_result parameters_check(const struct proto_parameter_info *info, float value)
 {
-    if (index >= PROTO_PARAMETER_COUNT) {
-        return PARAMETERS_UNKNOWN;
-    }
     if (!is_finite(value)) {
         return PARAMETERS_NOT_FINITE;
     }
-    const struct proto_parameter_info *const info = &proto_parameters[index];
     if (value < info->minimum || value > info->maximum) {
         return PARAMETERS_OUT_OF_RANGE;
     }
@@ -26,6 +22,17 @@ enum parameters_result parameters_set(struct parameters *parameters, uint16_t in
     if (info->kind != PROTO_PARAMETER_KIND_REAL && (float)(int32_t)value != value) {
         return PARAMETERS_OUT_OF_RANGE;
     }
-    parameters->values[index] = value;
     return PARAMETERS_OK;
+}
+
+enum parameters_result parameters_set(struct parameters *parameters, uint16_t index, float value)
+{
+    if (index >= PROTO_PARAMETER_COUNT) {
+        return PARAMETERS_UNKNOWN;
+    }
+    const enum parameters_result result = parameters_check(&proto_parameters[index], value);
+    if (result == PARAMETERS_OK) {
+        parameters->values[index] = value;
+    }
+    return result;
 }

@@ -20,7 +20,10 @@ enum parameters_result {
 
 void parameters_set_defaults(struct parameters *parameters);
 
-/* Takes a value that the table allows: finite, within range, whole where the kind is integer or flag. */
+/* Whether the table's entry allows a value: finite, within range, whole where the kind is integer or flag. */
+enum parameters_result parameters_check(const struct proto_parameter_info *info, float value);
+
+/* Takes a value that the table allows. */
 enum parameters_result parameters_set(struct parameters *parameters, uint16_t index, float value);
 
 #endif

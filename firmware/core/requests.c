@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "requests_log.h"
+#include "requests_parameters.h"
 
 #ifndef TRUING_BOARD_NAME
 #define TRUING_BOARD_NAME "host"
@@ -117,62 +118,44 @@ static struct refusal answer_clear_faults(struct controller *controller, const s
 static struct refusal answer_param_list(struct controller *controller, const struct frame *request,
                                         struct reply *reply)
 {
-    struct proto_param_list_request in;
-    if (!proto_param_list_request_decode(&in, request->payload, request->payload_length)) {
-        return bad_length(request);
-    }
-    if (in.index >= PROTO_PARAMETER_COUNT) {
-        return refused(PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER, in.index);
-    }
-    const struct proto_parameter_info *const info = &proto_parameters[in.index];
-    struct proto_param_list_reply out = {
-        .index = in.index,
-        .kind = info->kind,
-        .minimum = info->minimum,
-        .maximum = info->maximum,
-        .default_value = info->default_value,
-        .value = controller->robot.parameters.values[in.index],
-    };
-    strncpy(out.name, info->name, sizeof out.name - 1);
-    strncpy(out.unit, info->unit, sizeof out.unit - 1);
-    reply->length = proto_param_list_reply_encode(&out, reply->bytes, reply->capacity);
-    return accepted();
+    return requests_param_list(&controller->robot, request, reply);
 }
 
 static struct refusal answer_param_get(struct controller *controller, const struct frame *request,
                                        struct reply *reply)
 {
-    struct proto_param_get_request in;
-    if (!proto_param_get_request_decode(&in, request->payload, request->payload_length)) {
-        return bad_length(request);
-    }
-    if (in.index >= PROTO_PARAMETER_COUNT) {
-        return refused(PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER, in.index);
-    }
-    const struct proto_param_get_reply out = {
-        .index = in.index,
-        .value = controller->robot.parameters.values[in.index],
-    };
-    reply->length = proto_param_get_reply_encode(&out, reply->bytes, reply->capacity);
-    return accepted();
+    return requests_param_get(&controller->robot, request, reply);
 }
 
 static struct refusal answer_param_set(struct controller *controller, const struct frame *request,
                                        struct reply *reply)
 {
-    struct proto_param_set_request in;
-    if (!proto_param_set_request_decode(&in, request->payload, request->payload_length)) {
-        return bad_length(request);
-    }
-    const struct refusal verdict = robot_set_parameter(&controller->robot, in.index, in.value);
-    if (verdict.reason == REFUSAL_NONE) {
-        const struct proto_param_set_reply out = {
-            .index = in.index,
-            .value = controller->robot.parameters.values[in.index],
-        };
-        reply->length = proto_param_set_reply_encode(&out, reply->bytes, reply->capacity);
-    }
-    return verdict;
+    return requests_param_set(&controller->robot, request, reply);
+}
+
+static struct refusal answer_param_save(struct controller *controller, const struct frame *request,
+                                        struct reply *reply)
+{
+    return requests_param_save(&controller->robot, request, reply);
+}
+
+static struct refusal answer_param_load(struct controller *controller, const struct frame *request,
+                                        struct reply *reply)
+{
+    return requests_param_load(&controller->robot, request, reply);
+}
+
+static struct refusal answer_param_defaults(struct controller *controller, const struct frame *request,
+                                            struct reply *reply)
+{
+    (void)reply;
+    return requests_param_defaults(&controller->robot, request);
+}
+
+static struct refusal answer_param_store(struct controller *controller, const struct frame *request,
+                                         struct reply *reply)
+{
+    return requests_param_store(&controller->robot, request, reply);
 }
 
 /* The tick reads the segments while a sequence runs; then they must not change. */
@@ -336,6 +319,10 @@ static const struct entry entries[] = {
     {PROTO_ID_PARAM_LIST, false, answer_param_list},
     {PROTO_ID_PARAM_GET, false, answer_param_get},
     {PROTO_ID_PARAM_SET, false, answer_param_set},
+    {PROTO_ID_PARAM_SAVE, false, answer_param_save},
+    {PROTO_ID_PARAM_LOAD, false, answer_param_load},
+    {PROTO_ID_PARAM_DEFAULTS, false, answer_param_defaults},
+    {PROTO_ID_PARAM_STORE, false, answer_param_store},
     {PROTO_ID_SEQ_BEGIN, false, answer_seq_begin},
     {PROTO_ID_SEQ_SEGMENTS, false, answer_seq_segments},
     {PROTO_ID_SEQ_COMMIT, false, answer_seq_commit},
@@ -351,6 +338,7 @@ static const struct entry entries[] = {
     {PROTO_ID_STOP, false, answer_stop},
 };
 
+_Static_assert(PROTO_PARAM_LIST_REPLY_SIZE <= PROTO_HELLO_REPLY_SIZE, "a hello is the longest short reply");
 _Static_assert(PROTO_HELLO_REPLY_SIZE + FRAME_MAX_CODED - PROTO_MAX_PAYLOAD + 1 <= LINK_SMALL_FRAME,
                "the longest short reply fits the room that is asked for");
 

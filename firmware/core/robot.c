@@ -5,12 +5,11 @@
 #include <string.h>
 
 #include "proto.h"
+#include "robot_parameters.h"
 #include "rounding.h"
 
 void robot_init(struct robot *robot, bool clock_fallback)
 {
-    parameters_set_defaults(&robot->parameters);
-    tuning_from_parameters(&robot->tuning, &robot->parameters);
     hal_sense(&robot->sample);
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
         robot->counts[wheel] = 0;
@@ -21,12 +20,14 @@ void robot_init(struct robot *robot, bool clock_fallback)
     memset(&robot->sequence, 0, sizeof robot->sequence); /* state EMPTY is 0 */
     recorder_init(&robot->recorder);
     supervisor_init(&robot->supervisor, clock_fallback);
+    robot_start_parameters(robot);
     robot->view = (struct supervisor_view){
         .still = {true, true},
         .battery_mv = robot->sample.battery_mv,
         .battery_valid = robot->sample.battery_valid,
     };
     robot->now_ms = 0;
+    robot->speeds_stale = false;
     log_init(&robot->log);
 }
 
@@ -42,10 +43,14 @@ static void sense(struct robot *robot)
         moved[wheel] = robot->tuning.encoder_reversed[wheel] ? wrapped_difference(then, now)
                                                              : wrapped_difference(now, then);
         robot->counts[wheel] = wrapped_sum(robot->counts[wheel], moved[wheel]);
+        if (robot->speeds_stale) {
+            wheel_speed_init(&robot->wheels[wheel], robot->counts[wheel]);
+        }
         wheel_speed_step(&robot->wheels[wheel], robot->counts[wheel]);
         robot->view.speed_mps[wheel] = wheel_speed_mps(&robot->wheels[wheel], robot->tuning.metres_per_count);
         robot->view.still[wheel] = wheel_speed_is_still(&robot->wheels[wheel]);
     }
+    robot->speeds_stale = false;
     odometry_step(&robot->odometry, &robot->tuning.geometry, moved[0], moved[1]);
     robot->view.at_rest = robot->drive.braked_ms >= DRIVE_AT_REST_MS;
     robot->view.battery_mv = robot->sample.battery_mv;
@@ -212,28 +217,12 @@ struct refusal robot_clear_faults(struct robot *robot)
     return present == 0 ? accepted() : refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, present);
 }
 
-struct refusal robot_set_parameter(struct robot *robot, uint16_t index, float value)
+void robot_make_up(struct robot *robot, uint32_t missed_ticks)
 {
-    if (supervisor_is_moving(&robot->supervisor)) {
-        return refused(PROTO_REFUSAL_REASON_WRONG_STATE, robot->supervisor.state);
-    }
-    struct tuning tuning;
-    switch (parameters_set(&robot->parameters, index, value)) {
-    case PARAMETERS_OK:
-        break;
-    case PARAMETERS_NOT_FINITE:
-        return refused(PROTO_REFUSAL_REASON_NOT_FINITE, 1);
-    case PARAMETERS_OUT_OF_RANGE:
-        return refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
-    case PARAMETERS_UNKNOWN:
-    default:
-        return refused(PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER, index);
-    }
-    tuning_from_parameters(&tuning, &robot->parameters);
     const uint32_t state = hal_critical_enter();
-    robot->tuning = tuning;
+    robot->now_ms = robot->now_ms + missed_ticks;
+    robot->speeds_stale = missed_ticks != 0;
     hal_critical_exit(state);
-    return accepted();
 }
 
 void robot_status(const struct robot *robot, struct proto_status_reply *out)

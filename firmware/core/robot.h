@@ -13,6 +13,7 @@
 #include "hal.h"
 #include "log.h"
 #include "odometry.h"
+#include "parameter_store.h"
 #include "parameters.h"
 #include "recorder.h"
 #include "refusal.h"
@@ -23,6 +24,7 @@
 
 struct robot {
     struct parameters parameters;
+    struct parameter_store store;
     struct tuning tuning;
     struct hal_sample sample;   /* of this tick */
     int32_t counts[HAL_WHEELS]; /* forward positive, since start-up, wrapping */
@@ -34,6 +36,7 @@ struct robot {
     struct supervisor supervisor;
     struct supervisor_view view; /* of this tick */
     volatile uint32_t now_ms;
+    bool speeds_stale; /* ticks were missed: the counts since the last one say nothing of a speed */
     struct log log;
 };
 
@@ -48,7 +51,9 @@ struct refusal robot_drive(struct robot *robot, uint8_t kind, float left, float 
 
 struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, uint16_t *log_id);
 struct refusal robot_clear_faults(struct robot *robot);
-struct refusal robot_set_parameter(struct robot *robot, uint16_t index, float value);
+
+/* Moves device time on by control ticks that did not come while the core stood still. */
+void robot_make_up(struct robot *robot, uint32_t missed_ticks);
 
 /* A state of the robot that belongs to one moment. */
 void robot_status(const struct robot *robot, struct proto_status_reply *out);

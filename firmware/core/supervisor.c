@@ -81,6 +81,14 @@ static bool clock_fallback(const struct supervisor *supervisor, const struct tun
     return supervisor->clock_fallback;
 }
 
+static bool store_damaged(const struct supervisor *supervisor, const struct tuning *tuning,
+                          const struct supervisor_view *view)
+{
+    (void)tuning;
+    (void)view;
+    return supervisor->store_damaged;
+}
+
 static const struct rule rules[] = {
     {PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE, left_implausible},
     {PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE, right_implausible},
@@ -89,6 +97,7 @@ static const struct rule rules[] = {
     {PROTO_FAULT_HOST_SILENT, host_silent},
     {PROTO_FAULT_LOOP_OVERRUN, loop_overrun},
     {PROTO_FAULT_CLOCK_FALLBACK, clock_fallback},
+    {PROTO_FAULT_PARAMETER_STORE_DAMAGED, store_damaged},
 };
 
 _Static_assert(sizeof rules / sizeof rules[0] == PROTO_FAULT_COUNT, "every fault of the schema has a rule");

@@ -22,6 +22,7 @@ struct supervisor {
     uint32_t silence_ms;       /* since the last valid command */
     volatile bool overrun;     /* set from the tick interrupt's frame, taken by the next step */
     bool clock_fallback;
+    bool store_damaged; /* the parameters in force are not those that were saved last */
 };
 
 /* What the faults are judged by. */

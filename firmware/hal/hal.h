@@ -1,4 +1,5 @@
-/* The board as the core sees it: wheels, battery, identity, link and watchdog. */
+/* The board as the core sees it: wheels, battery, identity, link, watchdog and a store that outlives power.
+ */
 #ifndef HAL_H
 #define HAL_H
 
@@ -42,6 +43,20 @@ size_t hal_link_write(const uint8_t *data, size_t length);
 
 /* Restarts the watchdog's count. */
 void hal_watchdog_feed(void);
+
+/* Memory that keeps its content without power: slots that are erased as a whole, to ones, and programmed word
+ * by word, which only makes zeros of ones. Losing power meanwhile leaves what was being written undefined,
+ * and nothing else. The wheels must be braked. */
+enum { HAL_STORE_SLOTS = 2, HAL_STORE_SLOT_SIZE = 16384 };
+
+/* The core stands still for up to 0.8 s; `missed_ticks` are the control ticks that did not come and will not
+ * come. False: the memory reported an error. */
+bool hal_store_erase(uint32_t slot, uint32_t *missed_ticks);
+
+/* One 32-bit word at a multiple of 4; the core stands still for up to 0.1 ms. False: as above. */
+bool hal_store_program(uint32_t slot, uint32_t offset, uint32_t word);
+
+void hal_store_read(uint32_t slot, uint32_t offset, uint8_t *out, size_t length);
 
 /* Holds off the control tick; returns what hal_critical_exit needs to restore the state before. Nests. */
 uint32_t hal_critical_enter(void);

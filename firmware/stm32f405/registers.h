@@ -38,8 +38,11 @@ struct systick {
 #define SCB_MMFAR         (*(reg32 *)0xE000ED34u)
 #define SCB_BFAR          (*(reg32 *)0xE000ED38u)
 #define SCB_CPACR         (*(reg32 *)0xE000ED88u) /* section 4.6.1 */
+#define SCB_DEMCR         (*(reg32 *)0xE000EDFCu) /* ARMv7-M manual, section C1.6.5 */
+#define DEMCR_TRCENA      (1u << 24)
 #define ICSR_PENDSTSET    (1u << 26)
 #define SCR_SLEEPONEXIT   (1u << 1)
+#define ICSR_PENDSTCLR    (1u << 25)
 #define AIRCR_VECTKEY     (0x05FAu << 16)
 #define AIRCR_SYSRESETREQ (1u << 2)
 #define SHCSR_MEMFAULTENA (1u << 16)
@@ -47,6 +50,11 @@ struct systick {
 #define SHCSR_USGFAULTENA (1u << 18)
 #define CPACR_FPU_FULL    (0xFu << 20)
 #define EXCEPTION_SYSTICK 15u
+
+/* Cycle counter, ARMv7-M manual, section C1.8. */
+#define DWT_CTRL           (*(reg32 *)0xE0001000u)
+#define DWT_CYCCNT         (*(reg32 *)0xE0001004u)
+#define DWT_CTRL_CYCCNTENA (1u << 0)
 
 /* --- Clocks and power ----------------------------------------------------------------------------- */
 
@@ -112,13 +120,27 @@ _Static_assert(sizeof(struct rcc) == 0x78, "RCC_CSR lies at 0x74");
 #define PWR_CR     (*(reg32 *)0x40007000u)
 #define PWR_CR_VOS (1u << 14)
 
-/* Flash access control, section 3.9.1. */
+/* Flash interface, section 3.9. */
 #define FLASH_ACR              (*(reg32 *)0x40023C00u)
 #define FLASH_ACR_LATENCY(ws)  ((uint32_t)(ws))
 #define FLASH_ACR_LATENCY_MASK 7u
 #define FLASH_ACR_PRFTEN       (1u << 8)
 #define FLASH_ACR_ICEN         (1u << 9)
 #define FLASH_ACR_DCEN         (1u << 10)
+#define FLASH_ACR_DCRST        (1u << 12)
+#define FLASH_KEYR             (*(reg32 *)0x40023C04u)
+#define FLASH_SR               (*(reg32 *)0x40023C0Cu)
+#define FLASH_CR               (*(reg32 *)0x40023C10u)
+#define FLASH_KEY1             0x45670123u
+#define FLASH_KEY2             0xCDEF89ABu
+#define FLASH_SR_ERRORS        0x000000F2u /* PGSERR, PGPERR, PGAERR, WRPERR, OPERR; cleared by writing ones */
+#define FLASH_SR_BSY           (1u << 16)
+#define FLASH_CR_PG            (1u << 0)
+#define FLASH_CR_SER           (1u << 1)
+#define FLASH_CR_SNB(sector)   ((uint32_t)(sector) << 3)
+#define FLASH_CR_PSIZE_32      (2u << 8) /* 32 bits at a time, at 2.7 to 3.6 V */
+#define FLASH_CR_STRT          (1u << 16)
+#define FLASH_CR_LOCK          (1u << 31)
 
 /* Device identity, section 38.6.1, and the unique device id, section 39.1. */
 #define DBGMCU_IDCODE_ADDRESS 0xE0042000u

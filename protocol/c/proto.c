@@ -263,6 +263,8 @@ size_t proto_param_list_reply_encode(const struct proto_param_list_reply *from, 
     put_f32(out + 51, from->maximum);
     put_f32(out + 55, from->default_value);
     put_f32(out + 59, from->value);
+    put_u8(out + 63, from->stored);
+    put_f32(out + 64, from->stored_value);
     return PROTO_PARAM_LIST_REPLY_SIZE;
 }
 
@@ -280,6 +282,8 @@ bool proto_param_list_reply_decode(struct proto_param_list_reply *to, const uint
     to->maximum = get_f32(in + 51);
     to->default_value = get_f32(in + 55);
     to->value = get_f32(in + 59);
+    to->stored = get_u8(in + 63);
+    to->stored_value = get_f32(in + 64);
     return true;
 }
 
@@ -350,6 +354,72 @@ bool proto_param_set_reply_decode(struct proto_param_set_reply *to, const uint8_
     }
     to->index = get_u16(in + 0);
     to->value = get_f32(in + 2);
+    return true;
+}
+
+size_t proto_param_save_reply_encode(const struct proto_param_save_reply *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_PARAM_SAVE_REPLY_SIZE) {
+        return 0;
+    }
+    put_u32(out + 0, from->sequence);
+    put_u8(out + 4, from->written);
+    put_u16(out + 5, from->stall_ms);
+    return PROTO_PARAM_SAVE_REPLY_SIZE;
+}
+
+bool proto_param_save_reply_decode(struct proto_param_save_reply *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_PARAM_SAVE_REPLY_SIZE) {
+        return false;
+    }
+    to->sequence = get_u32(in + 0);
+    to->written = get_u8(in + 4);
+    to->stall_ms = get_u16(in + 5);
+    return true;
+}
+
+size_t proto_param_load_reply_encode(const struct proto_param_load_reply *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_PARAM_LOAD_REPLY_SIZE) {
+        return 0;
+    }
+    put_u16(out + 0, from->stored);
+    return PROTO_PARAM_LOAD_REPLY_SIZE;
+}
+
+bool proto_param_load_reply_decode(struct proto_param_load_reply *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_PARAM_LOAD_REPLY_SIZE) {
+        return false;
+    }
+    to->stored = get_u16(in + 0);
+    return true;
+}
+
+size_t proto_param_store_reply_encode(const struct proto_param_store_reply *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_PARAM_STORE_REPLY_SIZE) {
+        return 0;
+    }
+    put_u32(out + 0, from->sequence);
+    for (size_t i = 0; i < 2; i++) {
+        put_u8(out + 4 + i * 1, from->slot_states[i]);
+    }
+    put_u8(out + 6, from->newest);
+    put_u16(out + 7, from->stored);
+    put_u16(out + 9, from->unknown);
+    put_u16(out + 11, from->unfit);
+    return PROTO_PARAM_STORE_REPLY_SIZE;
+}
+
+bool proto_param_store_reply_decode(struct proto_param_store_reply *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_PARAM_STORE_REPLY_SIZE) {
+        return false;
+    }
+    to->sequence = get_u32(in + 0);
+    for (size_t i = 0; i < 2; i++) {
+        to->slot_states[i] = get_u8(in + 4 + i * 1);
+    }
+    to->newest = get_u8(in + 6);
+    to->stored = get_u16(in + 7);
+    to->unknown = get_u16(in + 9);
+    to->unfit = get_u16(in + 11);
     return true;
 }
 
@@ -811,13 +881,18 @@ const char *proto_parameter_kind_name(unsigned value) {
     return value >= PROTO_PARAMETER_KIND_COUNT ? "?" : names[value];
 }
 
+const char *proto_slot_state_name(unsigned value) {
+    static const char *const names[] = {"blank", "unfinished", "good", "damaged"};
+    return value >= PROTO_SLOT_STATE_COUNT ? "?" : names[value];
+}
+
 const char *proto_refusal_reason_name(unsigned value) {
-    static const char *const names[] = {"unknown_request", "bad_length", "not_finite", "out_of_range", "wrong_state", "fault_latched", "self_check_failed", "unknown_parameter", "sequence_too_long", "sequence_gap", "sequence_incomplete", "sequence_bad_crc", "sequence_empty", "unknown_segment_kind", "log_gone", "log_beyond_end", "log_busy"};
+    static const char *const names[] = {"unknown_request", "bad_length", "not_finite", "out_of_range", "wrong_state", "fault_latched", "self_check_failed", "unknown_parameter", "sequence_too_long", "sequence_gap", "sequence_incomplete", "sequence_bad_crc", "sequence_empty", "unknown_segment_kind", "log_gone", "log_beyond_end", "log_busy", "store_failed"};
     return value < 1u || value - 1u >= PROTO_REFUSAL_REASON_COUNT ? "?" : names[value - 1u];
 }
 
 const char *proto_fault_name(unsigned bit) {
-    static const char *const names[] = {"encoder_left_implausible", "encoder_right_implausible", "battery_unread", "battery_low", "host_silent", "loop_overrun", "clock_fallback"};
+    static const char *const names[] = {"encoder_left_implausible", "encoder_right_implausible", "battery_unread", "battery_low", "host_silent", "loop_overrun", "clock_fallback", "parameter_store_damaged"};
     return bit >= PROTO_FAULT_COUNT ? "?" : names[bit];
 }
 
@@ -825,6 +900,9 @@ bool proto_id_changes(uint8_t id) {
     switch (id) {
     case PROTO_ID_CLEAR_FAULTS:
     case PROTO_ID_PARAM_SET:
+    case PROTO_ID_PARAM_SAVE:
+    case PROTO_ID_PARAM_LOAD:
+    case PROTO_ID_PARAM_DEFAULTS:
     case PROTO_ID_SEQ_BEGIN:
     case PROTO_ID_SEQ_SEGMENTS:
     case PROTO_ID_SEQ_COMMIT:
@@ -841,28 +919,28 @@ bool proto_id_changes(uint8_t id) {
 }
 
 const struct proto_parameter_info proto_parameters[PROTO_PARAMETER_COUNT] = {
-    {"wheel_radius_m", "m", PROTO_PARAMETER_KIND_REAL, 0.005f, 1.0f, 0.0635f},
-    {"wheelbase_m", "m", PROTO_PARAMETER_KIND_REAL, 0.02f, 5.0f, 0.283f},
-    {"counts_per_rev", "count", PROTO_PARAMETER_KIND_INTEGER, 4.0f, 1000000.0f, 2400.0f},
-    {"encoder_left_reversed", "", PROTO_PARAMETER_KIND_FLAG, 0.0f, 1.0f, 0.0f},
-    {"encoder_right_reversed", "", PROTO_PARAMETER_KIND_FLAG, 0.0f, 1.0f, 0.0f},
-    {"motor_left_reversed", "", PROTO_PARAMETER_KIND_FLAG, 0.0f, 1.0f, 0.0f},
-    {"motor_right_reversed", "", PROTO_PARAMETER_KIND_FLAG, 0.0f, 1.0f, 0.0f},
-    {"effort_limit", "effort", PROTO_PARAMETER_KIND_REAL, 0.0f, 1.0f, 1.0f},
-    {"effort_slew_per_s", "effort/s", PROTO_PARAMETER_KIND_REAL, 0.1f, 1000.0f, 50.0f},
-    {"speed_limit_mps", "m/s", PROTO_PARAMETER_KIND_REAL, 0.0f, 10.0f, 1.5f},
-    {"accel_limit_mps2", "m/s^2", PROTO_PARAMETER_KIND_REAL, 0.05f, 100.0f, 3.0f},
-    {"velocity_kp", "effort*s/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 100.0f, 2.0f},
-    {"velocity_ki", "effort/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 1000.0f, 6.0f},
-    {"ff_ks_left", "effort", PROTO_PARAMETER_KIND_REAL, 0.0f, 1.0f, 0.02f},
-    {"ff_ks_right", "effort", PROTO_PARAMETER_KIND_REAL, 0.0f, 1.0f, 0.02f},
-    {"ff_kv_left", "effort*s/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 100.0f, 0.66f},
-    {"ff_kv_right", "effort*s/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 100.0f, 0.66f},
-    {"ff_ka_left", "effort*s^2/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 100.0f, 0.22f},
-    {"ff_ka_right", "effort*s^2/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 100.0f, 0.22f},
-    {"command_timeout_s", "s", PROTO_PARAMETER_KIND_REAL, 0.05f, 10.0f, 0.5f},
-    {"log_rate_hz", "Hz", PROTO_PARAMETER_KIND_INTEGER, 1.0f, 200.0f, 20.0f},
-    {"battery_low_v", "V", PROTO_PARAMETER_KIND_REAL, 0.0f, 60.0f, 9.0f},
-    {"battery_hysteresis_v", "V", PROTO_PARAMETER_KIND_REAL, 0.0f, 5.0f, 0.5f},
-    {"encoder_speed_max_mps", "m/s", PROTO_PARAMETER_KIND_REAL, 0.1f, 50.0f, 4.0f},
+    {"wheel_radius_m", "m", PROTO_PARAMETER_KIND_REAL, 0.005f, 1.0f, 0.0635f, 0x3d2e715fu},
+    {"wheelbase_m", "m", PROTO_PARAMETER_KIND_REAL, 0.02f, 5.0f, 0.283f, 0x649f54d6u},
+    {"counts_per_rev", "count", PROTO_PARAMETER_KIND_INTEGER, 4.0f, 1000000.0f, 2400.0f, 0x5ef1b950u},
+    {"encoder_left_reversed", "", PROTO_PARAMETER_KIND_FLAG, 0.0f, 1.0f, 0.0f, 0x6c3a3d26u},
+    {"encoder_right_reversed", "", PROTO_PARAMETER_KIND_FLAG, 0.0f, 1.0f, 0.0f, 0x48a3ae8bu},
+    {"motor_left_reversed", "", PROTO_PARAMETER_KIND_FLAG, 0.0f, 1.0f, 0.0f, 0x585f5073u},
+    {"motor_right_reversed", "", PROTO_PARAMETER_KIND_FLAG, 0.0f, 1.0f, 0.0f, 0x53966e9du},
+    {"effort_limit", "effort", PROTO_PARAMETER_KIND_REAL, 0.0f, 1.0f, 1.0f, 0x9e587cc4u},
+    {"effort_slew_per_s", "effort/s", PROTO_PARAMETER_KIND_REAL, 0.1f, 1000.0f, 50.0f, 0x351ed29au},
+    {"speed_limit_mps", "m/s", PROTO_PARAMETER_KIND_REAL, 0.0f, 10.0f, 1.5f, 0xa8cba832u},
+    {"accel_limit_mps2", "m/s^2", PROTO_PARAMETER_KIND_REAL, 0.05f, 100.0f, 3.0f, 0x18fcf7a6u},
+    {"velocity_kp", "effort*s/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 100.0f, 2.0f, 0xc76e2de1u},
+    {"velocity_ki", "effort/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 1000.0f, 6.0f, 0xa3058521u},
+    {"ff_ks_left", "effort", PROTO_PARAMETER_KIND_REAL, 0.0f, 1.0f, 0.02f, 0x796b021bu},
+    {"ff_ks_right", "effort", PROTO_PARAMETER_KIND_REAL, 0.0f, 1.0f, 0.02f, 0x7dc55977u},
+    {"ff_kv_left", "effort*s/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 100.0f, 0.66f, 0x29a693a8u},
+    {"ff_kv_right", "effort*s/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 100.0f, 0.66f, 0x2ffd76d0u},
+    {"ff_ka_left", "effort*s^2/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 100.0f, 0.22f, 0x3775a18bu},
+    {"ff_ka_right", "effort*s^2/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 100.0f, 0.22f, 0x8d84d490u},
+    {"command_timeout_s", "s", PROTO_PARAMETER_KIND_REAL, 0.05f, 10.0f, 0.5f, 0x51dfd083u},
+    {"log_rate_hz", "Hz", PROTO_PARAMETER_KIND_INTEGER, 1.0f, 200.0f, 20.0f, 0x6740ab2au},
+    {"battery_low_v", "V", PROTO_PARAMETER_KIND_REAL, 0.0f, 60.0f, 9.0f, 0xf5a0e6e1u},
+    {"battery_hysteresis_v", "V", PROTO_PARAMETER_KIND_REAL, 0.0f, 5.0f, 0.5f, 0x8e67729cu},
+    {"encoder_speed_max_mps", "m/s", PROTO_PARAMETER_KIND_REAL, 0.1f, 50.0f, 4.0f, 0xb1a5c447u},
 };

@@ -14,7 +14,7 @@
 #define PROTO_LOG_BLOCK_SIZE 512u
 #define PROTO_LOG_BLOCK_COUNT 160u
 #define PROTO_LOG_RECORD_VERSION 1u
-#define PROTO_SCHEMA_HASH 0x27590c94u
+#define PROTO_SCHEMA_HASH 0x98903634u
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
@@ -24,6 +24,10 @@ enum proto_id {
     PROTO_ID_PARAM_LIST = 0x10, /* one parameter's description and value */
     PROTO_ID_PARAM_GET = 0x11, /* one parameter's value */
     PROTO_ID_PARAM_SET = 0x12, /* change one parameter; only while the state is idle or stopped */
+    PROTO_ID_PARAM_SAVE = 0x13, /* store the values in force; the wheels brake and the board is deaf for up to a second; not while it moves or writes a log */
+    PROTO_ID_PARAM_LOAD = 0x14, /* go back to the stored values, as the next start would; not while it moves */
+    PROTO_ID_PARAM_DEFAULTS = 0x15, /* set every parameter to its default, and leave the store alone; not while it moves */
+    PROTO_ID_PARAM_STORE = 0x16, /* how the parameter store is */
     PROTO_ID_SEQ_BEGIN = 0x20, /* start an upload; the sequence held before is forgotten */
     PROTO_ID_SEQ_SEGMENTS = 0x21, /* the next segments, in order */
     PROTO_ID_SEQ_COMMIT = 0x22, /* all segments are there: CRC-32 over their packed bytes, in order */
@@ -123,6 +127,16 @@ enum proto_parameter_kind {
 enum { PROTO_PARAMETER_KIND_COUNT = 3 };
 const char *proto_parameter_kind_name(unsigned value); /* "?" for a value that is none of them */
 
+/* what one of the two slots of the parameter store holds */
+enum proto_slot_state {
+    PROTO_SLOT_STATE_BLANK = 0, /* never written, or wiped */
+    PROTO_SLOT_STATE_UNFINISHED = 1, /* a save into it was cut off, or has not been made good */
+    PROTO_SLOT_STATE_GOOD = 2, /* a whole set */
+    PROTO_SLOT_STATE_DAMAGED = 3, /* a set that was whole once and is no more */
+};
+enum { PROTO_SLOT_STATE_COUNT = 4 };
+const char *proto_slot_state_name(unsigned value); /* "?" for a value that is none of them */
+
 /* why a request was refused; the wheels do what they did before */
 enum proto_refusal_reason {
     PROTO_REFUSAL_REASON_UNKNOWN_REQUEST = 1, /* no request has this id; `detail` is the id */
@@ -142,8 +156,9 @@ enum proto_refusal_reason {
     PROTO_REFUSAL_REASON_LOG_GONE = 15, /* the log's ring has overwritten this offset; `detail` is the oldest offset left */
     PROTO_REFUSAL_REASON_LOG_BEYOND_END = 16, /* nothing is sealed at this offset yet; `detail` is the end offset */
     PROTO_REFUSAL_REASON_LOG_BUSY = 17, /* not while a log is being written */
+    PROTO_REFUSAL_REASON_STORE_FAILED = 18, /* the flash did not take the parameters; the set stored before still holds; `detail` is the slot */
 };
-enum { PROTO_REFUSAL_REASON_COUNT = 17 };
+enum { PROTO_REFUSAL_REASON_COUNT = 18 };
 const char *proto_refusal_reason_name(unsigned value); /* "?" for a value that is none of them */
 
 #define PROTO_SEGMENT_SIZE 13u
@@ -234,7 +249,7 @@ struct proto_param_list_request {
 size_t proto_param_list_request_encode(const struct proto_param_list_request *from, uint8_t *out, size_t capacity);
 bool proto_param_list_request_decode(struct proto_param_list_request *to, const uint8_t *in, size_t length);
 
-#define PROTO_PARAM_LIST_REPLY_SIZE 63u
+#define PROTO_PARAM_LIST_REPLY_SIZE 68u
 /* reply: one parameter's description and value */
 struct proto_param_list_reply {
     uint16_t index;
@@ -244,7 +259,9 @@ struct proto_param_list_reply {
     float minimum;
     float maximum;
     float default_value;
-    float value;
+    float value; /* in force */
+    uint8_t stored; /* 1: the store holds a value for it */
+    float stored_value; /* what the next start takes: the stored value, or the default */
 };
 size_t proto_param_list_reply_encode(const struct proto_param_list_reply *from, uint8_t *out, size_t capacity);
 bool proto_param_list_reply_decode(struct proto_param_list_reply *to, const uint8_t *in, size_t length);
@@ -279,10 +296,41 @@ bool proto_param_set_request_decode(struct proto_param_set_request *to, const ui
 /* reply: change one parameter; only while the state is idle or stopped */
 struct proto_param_set_reply {
     uint16_t index;
-    float value; /* as stored */
+    float value; /* as taken */
 };
 size_t proto_param_set_reply_encode(const struct proto_param_set_reply *from, uint8_t *out, size_t capacity);
 bool proto_param_set_reply_decode(struct proto_param_set_reply *to, const uint8_t *in, size_t length);
+
+#define PROTO_PARAM_SAVE_REPLY_SIZE 7u
+/* reply: store the values in force; the wheels brake and the board is deaf for up to a second; not while it moves or writes a log */
+struct proto_param_save_reply {
+    uint32_t sequence; /* number of the set that is now the newest */
+    uint8_t written; /* 0: the store held these very values */
+    uint16_t stall_ms; /* how long the control loop stood still */
+};
+size_t proto_param_save_reply_encode(const struct proto_param_save_reply *from, uint8_t *out, size_t capacity);
+bool proto_param_save_reply_decode(struct proto_param_save_reply *to, const uint8_t *in, size_t length);
+
+#define PROTO_PARAM_LOAD_REPLY_SIZE 2u
+/* reply: go back to the stored values, as the next start would; not while it moves */
+struct proto_param_load_reply {
+    uint16_t stored; /* parameters that the store holds; the others take their defaults */
+};
+size_t proto_param_load_reply_encode(const struct proto_param_load_reply *from, uint8_t *out, size_t capacity);
+bool proto_param_load_reply_decode(struct proto_param_load_reply *to, const uint8_t *in, size_t length);
+
+#define PROTO_PARAM_STORE_REPLY_SIZE 13u
+/* reply: how the parameter store is */
+struct proto_param_store_reply {
+    uint32_t sequence; /* number of the newest set; 0: there is none */
+    uint8_t slot_states[2]; /* slot_state */
+    uint8_t newest; /* slot of the newest set */
+    uint16_t stored; /* parameters of this image that it holds */
+    uint16_t unknown; /* values in it for parameters that this image does not have; they are kept */
+    uint16_t unfit; /* values in it that this image's limits forbid; these take their defaults */
+};
+size_t proto_param_store_reply_encode(const struct proto_param_store_reply *from, uint8_t *out, size_t capacity);
+bool proto_param_store_reply_decode(struct proto_param_store_reply *to, const uint8_t *in, size_t length);
 
 #define PROTO_SEQ_BEGIN_REQUEST_SIZE 4u
 /* start an upload; the sequence held before is forgotten */
@@ -486,9 +534,10 @@ enum proto_fault {
     PROTO_FAULT_HOST_SILENT = 1u << 4, /* no valid command came within command_timeout_s while the host drove the wheels */
     PROTO_FAULT_LOOP_OVERRUN = 1u << 5, /* a control tick started before the one before had ended */
     PROTO_FAULT_CLOCK_FALLBACK = 1u << 6, /* the crystal did not start; the core runs from its internal oscillator (1 % clock error, baud rate included) */
+    PROTO_FAULT_PARAMETER_STORE_DAMAGED = 1u << 7, /* the stored parameters cannot all be read: those in force are older ones or the defaults */
 };
-#define PROTO_FAULT_COUNT 7u
-#define PROTO_FAULTS_THAT_STOP ((uint32_t)(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE | PROTO_FAULT_BATTERY_UNREAD | PROTO_FAULT_BATTERY_LOW | PROTO_FAULT_HOST_SILENT | PROTO_FAULT_LOOP_OVERRUN))
+#define PROTO_FAULT_COUNT 8u
+#define PROTO_FAULTS_THAT_STOP ((uint32_t)(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE | PROTO_FAULT_BATTERY_UNREAD | PROTO_FAULT_BATTERY_LOW | PROTO_FAULT_HOST_SILENT | PROTO_FAULT_LOOP_OVERRUN | PROTO_FAULT_PARAMETER_STORE_DAMAGED))
 const char *proto_fault_name(unsigned bit); /* bit: 0..31 */
 
 /* parameters: indices into proto_parameters and on the wire */
@@ -526,6 +575,7 @@ struct proto_parameter_info {
     float minimum;
     float maximum;
     float default_value;
+    uint32_t key; /* CRC-32 of the name, by which the parameter store knows it */
 };
 extern const struct proto_parameter_info proto_parameters[PROTO_PARAMETER_COUNT];
 

@@ -91,6 +91,7 @@ def _tables_header(schema: Schema) -> str:
         "    float minimum;",
         "    float maximum;",
         "    float default_value;",
+        "    uint32_t key; /* CRC-32 of the name, by which the parameter store knows it */",
         "};",
         "extern const struct proto_parameter_info proto_parameters[PROTO_PARAMETER_COUNT];",
         "",
@@ -334,7 +335,7 @@ def source(schema: Schema) -> str:
     # Every encoder uses its primitive at least once; char has its own text routine.
     parameters = [
         f'    {{"{p.name}", "{p.unit}", PROTO_PARAMETER_KIND_{p.kind.upper()}, '
-        f"{_c_float(p.minimum)}, {_c_float(p.maximum)}, {_c_float(p.default)}}},"
+        f"{_c_float(p.minimum)}, {_c_float(p.maximum)}, {_c_float(p.default)}, {p.key:#010x}u}},"
         for p in schema.parameters
     ]
     changing = [f"    case PROTO_ID_{m.name.upper()}:" for m in schema.messages if m.changes]

@@ -98,6 +98,11 @@ class Parameter:
     default: float
     doc: str
 
+    @property
+    def key(self) -> int:
+        """What the board's store knows it by; it outlives the parameter's place in the table."""
+        return zlib.crc32(self.name.encode())
+
 
 @dataclass(frozen=True)
 class Fault:
@@ -193,6 +198,14 @@ def _check_ids(messages: tuple[Message, ...], refusal_id: int) -> None:
         seen[message.id] = message.name
 
 
+def _check_keys(parameters: tuple[Parameter, ...]) -> None:
+    seen: dict[int, str] = {}
+    for parameter in parameters:
+        if parameter.key in seen:
+            raise SchemaError(f"{parameter.name} and {seen[parameter.key]} share the store's key {parameter.key:#x}")
+        seen[parameter.key] = parameter.name
+
+
 def load(path: Path) -> Schema:
     """Read and check the schema file; raises SchemaError naming the entry that is wrong."""
     raw = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -204,6 +217,19 @@ def load(path: Path) -> Schema:
     _check_ids(messages, raw["refusal"]["id"])
     if len(raw["fault"]) > 32 or len(raw["log_record"]["fields"]) > 16:
         raise SchemaError("at most 32 faults and 16 log fields fit their bit masks")
+    parameters = tuple(
+        Parameter(
+            p["name"],
+            p["unit"],
+            p["kind"],
+            float(p["range"][0]),
+            float(p["range"][1]),
+            float(p["default"]),
+            p["doc"],
+        )
+        for p in raw["parameter"]
+    )
+    _check_keys(parameters)
     return Schema(
         limits=raw["protocol"],
         enums=enums,
@@ -213,18 +239,7 @@ def load(path: Path) -> Schema:
         refusal=_record("refusal", raw["refusal"]["doc"], raw["refusal"]["fields"]),
         log_header=_record("log_header", raw["log_header"]["doc"], raw["log_header"]["fields"]),
         log_record=_record("log_record", raw["log_record"]["doc"], raw["log_record"]["fields"]),
-        parameters=tuple(
-            Parameter(
-                p["name"],
-                p["unit"],
-                p["kind"],
-                float(p["range"][0]),
-                float(p["range"][1]),
-                float(p["default"]),
-                p["doc"],
-            )
-            for p in raw["parameter"]
-        ),
+        parameters=parameters,
         faults=tuple(Fault(f["name"], f["stops"], f["cause"], f["next_step"]) for f in raw["fault"]),
         hash=schema_hash(raw),
     )

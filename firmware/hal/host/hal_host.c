@@ -20,6 +20,21 @@ void hal_host_init(struct hal_host *board)
         0x0E; /* power-on, pin and brown-out flags, as after connecting the supply */
     board->identity.boot_id = 1;
     board->line_room = SIZE_MAX;
+    memset(board->store, 0xFF, sizeof board->store);
+    board->store_cut_at = UINT32_MAX;
+    board->store_refuse_at = UINT32_MAX;
+    board->store_noise = 1;
+    board->erase_ticks = 250;
+}
+
+void hal_host_power_cycle(struct hal_host *board)
+{
+    static _Thread_local uint8_t kept[HAL_STORE_SLOTS][HAL_STORE_SLOT_SIZE];
+    const uint32_t noise = board->store_noise;
+    memcpy(kept, board->store, sizeof kept);
+    hal_host_init(board);
+    memcpy(board->store, kept, sizeof kept);
+    board->store_noise = noise;
 }
 
 void hal_host_select(struct hal_host *board)
@@ -92,6 +107,79 @@ size_t hal_link_write(const uint8_t *data, size_t length)
 void hal_watchdog_feed(void)
 {
     current->watchdog_feeds++;
+}
+
+/* xorshift32 (Marsaglia 2003). */
+static uint32_t noise(void)
+{
+    uint32_t x = current->store_noise;
+    x ^= x << 13;
+    x ^= x >> 17;
+    x ^= x << 5;
+    current->store_noise = x;
+    return x;
+}
+
+/* True when this operation must not happen as asked: the power fails in it, has failed before, or the memory
+ * is worn out. */
+static bool store_stops(bool *torn)
+{
+    const uint32_t operation = current->store_operations;
+    current->store_operations++;
+    *torn = !current->store_dead && operation == current->store_cut_at;
+    current->store_dead = current->store_dead || *torn;
+    return current->store_dead || operation >= current->store_refuse_at;
+}
+
+/* Bits that an operation cut off has reached: from hardly any to nearly all, by the two draws' agreement. */
+static uint8_t reached(uint32_t eagerness)
+{
+    const uint32_t draws = noise();
+    const uint8_t a = (uint8_t)draws;
+    const uint8_t b = (uint8_t)(draws >> 8);
+    switch (eagerness % 4u) {
+    case 0:
+        return a & b & (uint8_t)(draws >> 16);
+    case 1:
+        return a & b;
+    case 2:
+        return a;
+    default:
+        return a | b;
+    }
+}
+
+bool hal_store_erase(uint32_t slot, uint32_t *missed_ticks)
+{
+    bool torn;
+    *missed_ticks = 0;
+    if (store_stops(&torn)) {
+        const uint32_t eagerness = torn ? noise() : 0;
+        for (size_t i = 0; torn && i < HAL_STORE_SLOT_SIZE; i++) {
+            current->store[slot][i] |= reached(eagerness);
+        }
+        return false;
+    }
+    memset(current->store[slot], 0xFF, HAL_STORE_SLOT_SIZE);
+    *missed_ticks = current->erase_ticks;
+    return true;
+}
+
+bool hal_store_program(uint32_t slot, uint32_t offset, uint32_t word)
+{
+    bool torn;
+    const bool stops = store_stops(&torn);
+    const uint32_t eagerness = torn ? noise() : 0;
+    for (uint32_t i = 0; i < 4u && (torn || !stops); i++) {
+        const uint8_t zeros = (uint8_t) ~(word >> (8u * i));
+        current->store[slot][offset + i] &= (uint8_t) ~(torn ? zeros & reached(eagerness) : zeros);
+    }
+    return !stops;
+}
+
+void hal_store_read(uint32_t slot, uint32_t offset, uint8_t *out, size_t length)
+{
+    memcpy(out, current->store[slot] + offset, length);
 }
 
 uint32_t hal_critical_enter(void)

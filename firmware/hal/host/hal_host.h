@@ -19,10 +19,20 @@ struct hal_host {
     uint8_t sent[HAL_HOST_SEND_SIZE]; /* written by the core, not yet taken by the caller */
     size_t sent_length;
     size_t line_room; /* bytes that the line still takes; SIZE_MAX: no limit */
+    uint8_t store[HAL_STORE_SLOTS][HAL_STORE_SLOT_SIZE];
+    uint32_t store_operations; /* erases and programmed words so far */
+    uint32_t store_cut_at; /* the operation during which the power fails, counted from 0; UINT32_MAX: none */
+    uint32_t store_refuse_at; /* from this operation on the memory takes nothing more; UINT32_MAX: it does */
+    uint32_t store_noise;     /* decides which bits an operation cut off has reached */
+    bool store_dead;          /* the power has failed */
+    uint32_t erase_ticks;     /* control ticks that an erase costs */
 };
 
-/* A board at rest with 12 V, whose line takes everything. */
+/* A board at rest with 12 V, whose line takes everything and whose store is blank. */
 void hal_host_init(struct hal_host *board);
+
+/* The same after a power cycle: only the store keeps its content. */
+void hal_host_power_cycle(struct hal_host *board);
 
 /* The board that hal.h's functions act on from now on, in this thread. */
 void hal_host_select(struct hal_host *board);

@@ -81,6 +81,15 @@ class ParameterKind(IntEnum):
     FLAG = 2
 
 
+class SlotState(IntEnum):
+    """What one of the two slots of the parameter store holds."""
+
+    BLANK = 0  # never written, or wiped
+    UNFINISHED = 1  # a save into it was cut off, or has not been made good
+    GOOD = 2  # a whole set
+    DAMAGED = 3  # a set that was whole once and is no more
+
+
 class RefusalReason(IntEnum):
     """Why a request was refused; the wheels do what they did before."""
 
@@ -101,6 +110,7 @@ class RefusalReason(IntEnum):
     LOG_GONE = 15  # the log's ring has overwritten this offset; `detail` is the oldest offset left
     LOG_BEYOND_END = 16  # nothing is sealed at this offset yet; `detail` is the end offset
     LOG_BUSY = 17  # not while a log is being written
+    STORE_FAILED = 18  # the flash did not take the parameters; the set stored before still holds; `detail` is the slot
 
 
 REFUSAL_MEANING: dict[int, str] = {
@@ -121,4 +131,5 @@ REFUSAL_MEANING: dict[int, str] = {
     RefusalReason.LOG_GONE: "the log's ring has overwritten this offset; `detail` is the oldest offset left",
     RefusalReason.LOG_BEYOND_END: "nothing is sealed at this offset yet; `detail` is the end offset",
     RefusalReason.LOG_BUSY: "not while a log is being written",
+    RefusalReason.STORE_FAILED: "the flash did not take the parameters; the set stored before still holds; `detail` is the slot",
 }

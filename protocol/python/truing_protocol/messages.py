@@ -326,14 +326,14 @@ class ClearFaultsRequest:
         return Ack.unpack(payload)
 
 
-_PARAM_LIST_REPLY = struct.Struct("<HB32s12sffff")
+_PARAM_LIST_REPLY = struct.Struct("<HB32s12sffffBf")
 
 
 @dataclass(frozen=True, slots=True)
 class ParamListReply:
     """Reply: one parameter's description and value."""
 
-    SIZE: ClassVar[int] = 63
+    SIZE: ClassVar[int] = 68
 
     index: int
     kind: int  # parameter_kind
@@ -342,16 +342,18 @@ class ParamListReply:
     minimum: float
     maximum: float
     default_value: float
-    value: float
+    value: float  # in force
+    stored: int  # 1: the store holds a value for it
+    stored_value: float  # what the next start takes: the stored value, or the default
 
     def pack(self) -> bytes:
         """The payload's bytes; struct.error when a value does not fit its field."""
-        return _PARAM_LIST_REPLY.pack(self.index, self.kind, self.name.encode("ascii"), self.unit.encode("ascii"), self.minimum, self.maximum, self.default_value, self.value)
+        return _PARAM_LIST_REPLY.pack(self.index, self.kind, self.name.encode("ascii"), self.unit.encode("ascii"), self.minimum, self.maximum, self.default_value, self.value, self.stored, self.stored_value)
 
     @classmethod
     def unpack(cls, payload: bytes) -> ParamListReply:
         """Read the payload's bytes; PayloadError when their number is wrong."""
-        _check_length(payload, 63, False, cls)
+        _check_length(payload, 68, False, cls)
         v = _PARAM_LIST_REPLY.unpack_from(payload)
         return cls(
             index=v[0],
@@ -362,6 +364,8 @@ class ParamListReply:
             maximum=v[5],
             default_value=v[6],
             value=v[7],
+            stored=v[8],
+            stored_value=v[9],
         )
 
 
@@ -461,7 +465,7 @@ class ParamSetReply:
     SIZE: ClassVar[int] = 6
 
     index: int
-    value: float  # as stored
+    value: float  # as taken
 
     def pack(self) -> bytes:
         """The payload's bytes; struct.error when a value does not fit its field."""
@@ -505,6 +509,201 @@ class ParamSetRequest:
     def unpack_reply(payload: bytes) -> ParamSetReply:
         """Read this request's reply."""
         return ParamSetReply.unpack(payload)
+
+
+_PARAM_SAVE_REPLY = struct.Struct("<IBH")
+
+
+@dataclass(frozen=True, slots=True)
+class ParamSaveReply:
+    """Reply: store the values in force; the wheels brake and the board is deaf for up to a second; not while it moves or writes a log."""
+
+    SIZE: ClassVar[int] = 7
+
+    sequence: int  # number of the set that is now the newest
+    written: int  # 0: the store held these very values
+    stall_ms: int  # how long the control loop stood still
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _PARAM_SAVE_REPLY.pack(self.sequence, self.written, self.stall_ms)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ParamSaveReply:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 7, False, cls)
+        v = _PARAM_SAVE_REPLY.unpack_from(payload)
+        return cls(sequence=v[0], written=v[1], stall_ms=v[2])
+
+
+_PARAM_SAVE_REQUEST = struct.Struct("<")
+
+
+@dataclass(frozen=True, slots=True)
+class ParamSaveRequest:
+    """Store the values in force; the wheels brake and the board is deaf for up to a second; not while it moves or writes a log."""
+
+    SIZE: ClassVar[int] = 0
+    ID: ClassVar[int] = 0x13
+    NAME: ClassVar[str] = "param_save"
+    CHANGES: ClassVar[bool] = True
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _PARAM_SAVE_REQUEST.pack()
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ParamSaveRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 0, False, cls)
+        return cls()
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> ParamSaveReply:
+        """Read this request's reply."""
+        return ParamSaveReply.unpack(payload)
+
+
+_PARAM_LOAD_REPLY = struct.Struct("<H")
+
+
+@dataclass(frozen=True, slots=True)
+class ParamLoadReply:
+    """Reply: go back to the stored values, as the next start would; not while it moves."""
+
+    SIZE: ClassVar[int] = 2
+
+    stored: int  # parameters that the store holds; the others take their defaults
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _PARAM_LOAD_REPLY.pack(self.stored)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ParamLoadReply:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 2, False, cls)
+        v = _PARAM_LOAD_REPLY.unpack_from(payload)
+        return cls(stored=v[0])
+
+
+_PARAM_LOAD_REQUEST = struct.Struct("<")
+
+
+@dataclass(frozen=True, slots=True)
+class ParamLoadRequest:
+    """Go back to the stored values, as the next start would; not while it moves."""
+
+    SIZE: ClassVar[int] = 0
+    ID: ClassVar[int] = 0x14
+    NAME: ClassVar[str] = "param_load"
+    CHANGES: ClassVar[bool] = True
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _PARAM_LOAD_REQUEST.pack()
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ParamLoadRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 0, False, cls)
+        return cls()
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> ParamLoadReply:
+        """Read this request's reply."""
+        return ParamLoadReply.unpack(payload)
+
+
+_PARAM_DEFAULTS_REQUEST = struct.Struct("<")
+
+
+@dataclass(frozen=True, slots=True)
+class ParamDefaultsRequest:
+    """Set every parameter to its default, and leave the store alone; not while it moves."""
+
+    SIZE: ClassVar[int] = 0
+    ID: ClassVar[int] = 0x15
+    NAME: ClassVar[str] = "param_defaults"
+    CHANGES: ClassVar[bool] = True
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _PARAM_DEFAULTS_REQUEST.pack()
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ParamDefaultsRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 0, False, cls)
+        return cls()
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> Ack:
+        """Read this request's reply."""
+        return Ack.unpack(payload)
+
+
+_PARAM_STORE_REPLY = struct.Struct("<I2BBHHH")
+
+
+@dataclass(frozen=True, slots=True)
+class ParamStoreReply:
+    """Reply: how the parameter store is."""
+
+    SIZE: ClassVar[int] = 13
+
+    sequence: int  # number of the newest set; 0: there is none
+    slot_states: tuple[int, ...]  # slot_state
+    newest: int  # slot of the newest set
+    stored: int  # parameters of this image that it holds
+    unknown: int  # values in it for parameters that this image does not have; they are kept
+    unfit: int  # values in it that this image's limits forbid; these take their defaults
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _PARAM_STORE_REPLY.pack(self.sequence, *self.slot_states, self.newest, self.stored, self.unknown, self.unfit)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ParamStoreReply:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 13, False, cls)
+        v = _PARAM_STORE_REPLY.unpack_from(payload)
+        return cls(
+            sequence=v[0],
+            slot_states=v[1 : 3],
+            newest=v[3],
+            stored=v[4],
+            unknown=v[5],
+            unfit=v[6],
+        )
+
+
+_PARAM_STORE_REQUEST = struct.Struct("<")
+
+
+@dataclass(frozen=True, slots=True)
+class ParamStoreRequest:
+    """How the parameter store is."""
+
+    SIZE: ClassVar[int] = 0
+    ID: ClassVar[int] = 0x16
+    NAME: ClassVar[str] = "param_store"
+    CHANGES: ClassVar[bool] = False
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _PARAM_STORE_REQUEST.pack()
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ParamStoreRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 0, False, cls)
+        return cls()
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> ParamStoreReply:
+        """Read this request's reply."""
+        return ParamStoreReply.unpack(payload)
 
 
 _SEQ_BEGIN_REQUEST = struct.Struct("<HH")

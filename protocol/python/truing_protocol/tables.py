@@ -18,7 +18,7 @@ MAX_SEGMENTS: Final = 256
 LOG_BLOCK_SIZE: Final = 512
 LOG_BLOCK_COUNT: Final = 160
 LOG_RECORD_VERSION: Final = 1
-SCHEMA_HASH: Final = 0x27590c94
+SCHEMA_HASH: Final = 0x98903634
 REFUSAL_ID: Final = 0xff
 REPLY_BIT: Final = 0x80
 
@@ -128,6 +128,13 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
         False,
         "the crystal did not start; the core runs from its internal oscillator (1 % clock error, baud rate included)",
         "check the crystal and its capacitors; driving is possible meanwhile",
+    ),
+    FaultInfo(
+        7,
+        "parameter_store_damaged",
+        True,
+        "the stored parameters cannot all be read: those in force are older ones or the defaults",
+        "look at `truing params list`, put the values right (`truing params load --file` takes a copy), then `truing params save`",
     ),
 )
 
