@@ -13,8 +13,9 @@ enum { MOST_RECORDS = (HAL_STORE_SLOT_SIZE - FIRST_RECORD) / RECORD };
 
 #define MAGIC_WORD  0x52415054u /* "TPAR" */
 #define FORMAT_WORD (1u | (uint32_t)RECORD << 16)
-#define COMMIT_WORD 0x5AA5C33Cu /* sixteen ones: as far from erased (all ones) as from retired (all zeros)   \
-                                 */
+#define COMMIT_WORD                                                                                          \
+    0x5AA5C33Cu /* sixteen ones: as far from erased (all ones) as from retired (all zeros)                   \
+                 */
 #define RETIRED_WORD 0u
 
 /* So many wrong bits still count as committed, so that one bad cell does not pass a set that was saved off as
@@ -217,6 +218,11 @@ static bool holds(const struct parameter_store *store, const struct parameter_ta
     return true;
 }
 
+uint8_t parameter_store_next_slot(const struct parameter_store *store)
+{
+    return store->newest == 0 ? 1 : 0;
+}
+
 /* A set under way into a slot. */
 struct writing {
     uint32_t slot;
@@ -291,10 +297,13 @@ enum parameter_store_result parameter_store_save(struct parameter_store *store,
     if (store->newest != PARAMETER_STORE_NONE && !parameter_store_is_damaged(store) && holds(store, table)) {
         return PARAMETER_STORE_UNCHANGED; /* spares the cells and the pause */
     }
-    const uint32_t slot = store->newest == 0 ? 1 : 0;
-    const bool saved = write_set(store, table, slot, missed_ticks) &&
-                       hal_store_program(slot, COMMIT * WORD, COMMIT_WORD) &&
-                       inspect(slot) == PROTO_SLOT_STATE_GOOD;
+    const uint32_t slot = parameter_store_next_slot(store);
+    bool saved = write_set(store, table, slot, missed_ticks);
+    if (saved) {
+        /* What can be read back decides, here as at the next start, and not what the memory says of it. */
+        (void)hal_store_program(slot, COMMIT * WORD, COMMIT_WORD);
+        saved = inspect(slot) == PROTO_SLOT_STATE_GOOD;
+    }
     if (saved && store->states[1u - slot] == PROTO_SLOT_STATE_DAMAGED) {
         (void)hal_store_program(1u - slot, COMMIT * WORD,
                                 RETIRED_WORD); /* made good: no longer worth a fault */

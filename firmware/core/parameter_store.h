@@ -66,6 +66,9 @@ struct parameter_store_counts parameter_store_count(const struct parameter_store
 bool parameter_store_find(const struct parameter_store *store, const struct proto_parameter_info *info,
                           float *value);
 
+/* The slot that a save writes into: never the newest set's. */
+uint8_t parameter_store_next_slot(const struct parameter_store *store);
+
 /* Writes the table's values, and carries values along that the table does not know. The core stands still
  * meanwhile; `missed_ticks` are the control ticks lost. */
 enum parameter_store_result parameter_store_save(struct parameter_store *store,

@@ -77,7 +77,7 @@ struct refusal robot_save_parameters(struct robot *robot, struct proto_param_sav
     robot_make_up(robot, missed_ticks);
     take_effect(robot);
     if (result == PARAMETER_STORE_FAILED) {
-        return refused(PROTO_REFUSAL_REASON_STORE_FAILED, robot->store.newest == 0 ? 1 : 0);
+        return refused(PROTO_REFUSAL_REASON_STORE_FAILED, parameter_store_next_slot(&robot->store));
     }
     *out = (struct proto_param_save_reply){
         .sequence = robot->store.sequence,

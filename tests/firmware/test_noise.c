@@ -80,10 +80,11 @@ static void sound_frames_of_random_contents_crash_nothing_and_keep_to_the_limits
     static const uint8_t lengths[] = {0, 0, 1, 2, 4, 6, 8, 15, 28};
     random_seed(2025);
     bench_set_parameter(PROTO_PARAMETER_EFFORT_LIMIT, 0.5f);
+    bench_ask(PROTO_ID_PARAM_SAVE, NULL, 0);
     for (int i = 0; i < 300000; i++) {
         uint8_t id = (uint8_t)random_below(0x48);
         /* The limit itself stays: what is watched below. */
-        while (id == PROTO_ID_PARAM_SET) {
+        while (id == PROTO_ID_PARAM_SET || id == PROTO_ID_PARAM_DEFAULTS) {
             id = (uint8_t)random_u32();
         }
         const size_t length = random_below(50) == 0 ? random_below(PROTO_MAX_PAYLOAD + 1)
