@@ -39,25 +39,28 @@ struct board *board_create(const struct board_options *options)
     }
     b->options = *options;
     b->flash_array = aligned_alloc(4096, FLASH_SIZE);
+    b->flash_before = malloc(FLASH_SIZE);
     b->sram = aligned_alloc(4096, SRAM_SIZE);
     b->ccm = aligned_alloc(4096, CCM_SIZE);
     b->system = aligned_alloc(4096, SYSTEM_SIZE);
     b->flash_blocks = calloc(FLASH_SIZE / 2, sizeof *b->flash_blocks);
     b->crystal_alive = true;
     b->flash_cut_after = -1;
+    b->cut_at_instruction = NEVER;
     b->clock.hz = HSI_HZ;
     b->next_event = NEVER;
     for (unsigned i = 0; i < EVENTS; i++) {
         b->events[i].at = NEVER;
     }
-    bool memory = b->flash_array != NULL && b->sram != NULL && b->ccm != NULL && b->system != NULL &&
-                  b->flash_blocks != NULL;
+    bool memory = b->flash_array != NULL && b->flash_before != NULL && b->sram != NULL && b->ccm != NULL &&
+                  b->system != NULL && b->flash_blocks != NULL;
     if (!memory || !core_open(b)) {
         board_destroy(b);
         return NULL;
     }
     memset(b->flash_array, 0xFF, FLASH_SIZE);
     fill_system(b);
+    b->tear_state = options->seed * 0x9E3779B97F4A7C15ULL | 1u;
     b->rng_state = options->seed * 0xD1342543DE82EF95ULL + 0x9E3779B97F4A7C15ULL;
     return b;
 }
@@ -74,6 +77,7 @@ void board_destroy(struct board *board)
         free(board->usart[i].inbound);
     }
     free(board->flash_array);
+    free(board->flash_before);
     free(board->sram);
     free(board->ccm);
     free(board->system);
@@ -174,6 +178,12 @@ void board_set_crystal(struct board *board, bool alive)
 void board_cut_power_at_flash_write(struct board *board, int64_t operations)
 {
     board->flash_cut_after = operations;
+}
+
+void board_cut_power_at_instruction(struct board *board, int64_t instructions)
+{
+    board->cut_at_instruction = instructions < 0 ? NEVER : board->stats.instructions + (uint64_t)instructions;
+    core_update_break(board);
 }
 
 void board_run_until(struct board *board, uint64_t time_ps)

@@ -63,8 +63,14 @@ void board_reset(struct board *board, enum board_reset cause);
 
 /* The crystal stops (or starts) now. */
 void board_set_crystal(struct board *board, bool alive);
-/* Flash operations after this many more stop half way and the board loses power; negative: never. */
+/* The flash operation after this many more stops half way, at a point drawn by the seed, and the board loses
+   power; negative: never. Power that fails, or a reset that comes, at any other time tears the operation
+   under way by the share of its time gone by. Torn means: each bit that was to change has or has not, by a
+   draw. */
 void board_cut_power_at_flash_write(struct board *board, int64_t operations);
+/* The board loses power after this many more instructions, at the end of the stretch of code without a branch
+   in which the last one lies; negative: never. */
+void board_cut_power_at_instruction(struct board *board, int64_t instructions);
 
 /* Runs until the given virtual time; how a span is split into calls changes nothing. */
 void board_run_until(struct board *board, uint64_t time_ps);

@@ -71,10 +71,9 @@ uint8_t *core_memory(const struct board *b, uint32_t address, size_t length, boo
 void core_update_break(struct board *b)
 {
     uint64_t at = b->next_event < b->target ? b->next_event : b->target;
-    b->break_at = b->needs_check || b->reset_wanted || b->stall_until > b->now || b->flash.stale_end != 0 ||
-                          b->tlb_stale
-                      ? 0
-                      : at;
+    bool look = b->needs_check || b->reset_wanted || b->stall_until > b->now || b->flash.stale_end != 0 ||
+                b->tlb_stale || b->cut_at_instruction != NEVER;
+    b->break_at = look ? 0 : at;
 }
 
 void core_count(struct board *b, uint64_t instructions, uint64_t cycles)
@@ -134,7 +133,8 @@ static const struct block *measured(struct board *b, uint32_t pc, uint32_t size,
 static bool must_leave(struct board *b)
 {
     if (!b->powered || b->reset_wanted || b->now >= b->next_event || b->now >= b->target ||
-        b->stall_until > b->now || b->flash.stale_end != 0) {
+        b->stall_until > b->now || b->flash.stale_end != 0 ||
+        b->stats.instructions >= b->cut_at_instruction) {
         return true;
     }
     return b->nvic.best != 0 && b->nvic.best_priority < nvic_execution_priority(b);
@@ -431,6 +431,10 @@ void core_run(struct board *b)
         events_run(b, b->now);
         if (b->reset_wanted) {
             board_reset(b, b->reset_cause);
+        }
+        if (b->stats.instructions >= b->cut_at_instruction) {
+            b->cut_at_instruction = NEVER;
+            board_power(b, false);
         }
         if (b->flash.stale_end != 0) {
             flash_forget_code(b);

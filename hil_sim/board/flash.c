@@ -24,8 +24,60 @@ static uint32_t sector_size(uint32_t sector)
     return sector_start(sector + 1) - sector_start(sector);
 }
 
+/* The engine may hold a translation of code that lay here; it forgets it between two blocks. */
+static void changed(struct board *b, uint32_t first, uint32_t length)
+{
+    struct flash *f = &b->flash;
+    bool none = f->stale_end == 0;
+    f->stale_first = none || first < f->stale_first ? first : f->stale_first;
+    f->stale_end = first + length > f->stale_end ? first + length : f->stale_end;
+    core_update_break(b);
+}
+
+static uint64_t tear_noise(struct board *b)
+{
+    uint64_t x = b->tear_state;
+    x ^= x << 13;
+    x ^= x >> 7;
+    x ^= x << 17;
+    b->tear_state = x;
+    return x;
+}
+
+/* An operation cut off leaves content that nobody vouches for (RM0090 3.6). Here each bit that was to change
+   has done so or not, by a seeded draw: early in the operation few have, late nearly all. `share` in 1/256 of
+   it. */
+static void tear(struct board *b, uint32_t share)
+{
+    const struct operation *o = &b->flash.operation;
+    for (uint32_t i = o->first; i < o->first + o->length; i++) {
+        uint8_t old = b->flash_before[i];
+        uint8_t left = old ^ b->flash_array[i];
+        uint64_t draws = left != 0 ? tear_noise(b) : 0;
+        for (; left != 0; left &= (uint8_t)(left - 1u), draws >>= 7) {
+            if ((draws & 0x7Fu) * 2u < share) {
+                old ^= (uint8_t)(left & -left);
+            }
+        }
+        b->flash_array[i] = old;
+    }
+    changed(b, o->first, o->length);
+}
+
+/* A reset or the end of power meets an operation under way. */
+static void interrupt_operation(struct board *b)
+{
+    const struct operation *o = &b->flash.operation;
+    const uint64_t now = time_to_ps(b, b->moment);
+    if ((b->flash.sr & BSY) != 0 && now < o->end_ps) {
+        const uint64_t past = now > o->begin_ps ? now - o->begin_ps : 0;
+        tear(b, (uint32_t)(past * 256u / (o->end_ps - o->begin_ps)));
+    }
+}
+
 void flash_reset(struct board *b)
 {
+    interrupt_operation(b);
     const struct flash before = b->flash;
     b->flash = (struct flash){
         .cr = LOCK, .optcr = 0x0FFFAAEDu, .stale_first = before.stale_first, .stale_end = before.stale_end};
@@ -37,7 +89,10 @@ void flash_reset(struct board *b)
 static void busy_for(struct board *b, uint64_t ps)
 {
     uint64_t now = time_to_ps(b, b->moment);
-    uint64_t end = (now > b->flash.busy_until_ps ? now : b->flash.busy_until_ps) + ps; /* stores queue up */
+    uint64_t begin = now > b->flash.busy_until_ps ? now : b->flash.busy_until_ps; /* stores queue up */
+    uint64_t end = begin + ps;
+    b->flash.operation.begin_ps = begin;
+    b->flash.operation.end_ps = end;
     b->flash.busy_until_ps = end;
     b->flash.sr |= BSY;
     event_at_ps(b, EVENT_FLASH, end);
@@ -66,16 +121,6 @@ static bool cut_now(struct board *b)
     return b->flash_cut_after-- == 0;
 }
 
-/* The engine may hold a translation of code that lay here; it forgets it between two blocks. */
-static void changed(struct board *b, uint32_t first, uint32_t length)
-{
-    struct flash *f = &b->flash;
-    bool none = f->stale_end == 0;
-    f->stale_first = none || first < f->stale_first ? first : f->stale_first;
-    f->stale_end = first + length > f->stale_end ? first + length : f->stale_end;
-    core_update_break(b);
-}
-
 void flash_forget_code(struct board *b)
 {
     struct flash *f = &b->flash;
@@ -85,20 +130,30 @@ void flash_forget_code(struct board *b)
     f->stale_end = 0;
 }
 
-static void erase(struct board *b, uint32_t first, uint32_t length, uint64_t ps)
+/* The cells are about to change; what they held is kept for the case that they do not get there. */
+static void begin_operation(struct board *b, uint32_t first, uint32_t length)
 {
-    uint8_t *cells = b->flash_array + first;
+    memcpy(b->flash_before + first, b->flash_array + first, length);
+    b->flash.operation = (struct operation){.first = first, .length = length};
     changed(b, first, length);
+}
+
+/* The array holds the new content already; the core cannot look before the time is over. */
+static void run_operation(struct board *b, uint64_t ps)
+{
     if (cut_now(b)) {
-        /* Half erased: some cells are already blank, the others still hold their charge. */
-        for (uint32_t i = 0; i < length; i++) {
-            cells[i] |= (uint8_t)(0x55u << (i & 1u));
-        }
+        tear(b, (uint32_t)(tear_noise(b) >> 32) % 257u);
         board_power(b, false);
     } else {
-        memset(cells, 0xFF, length);
         busy_for(b, ps);
     }
+}
+
+static void erase(struct board *b, uint32_t first, uint32_t length, uint64_t ps)
+{
+    begin_operation(b, first, length);
+    memset(b->flash_array + first, 0xFF, length);
+    run_operation(b, ps);
 }
 
 static void start_erase(struct board *b)
@@ -141,19 +196,11 @@ bool flash_store(struct board *b, uint32_t address, uint32_t size, uint64_t valu
     if ((f->sr & (WRPERR | PGAERR | PGPERR | PGSERR)) != 0) {
         return true;
     }
-    bool cut = cut_now(b);
+    begin_operation(b, offset, size);
     for (uint32_t i = 0; i < size; i++) {
-        uint8_t old = b->flash_array[offset + i];
-        uint8_t wanted = (uint8_t)(value >> (8 * i)) & old;
-        /* When the supply fails, half of the cells did not make it. */
-        b->flash_array[offset + i] = cut ? (uint8_t)(wanted | (old & 0x0Fu)) : wanted;
+        b->flash_array[offset + i] &= (uint8_t)(value >> (8 * i));
     }
-    changed(b, offset, size);
-    if (cut) {
-        board_power(b, false);
-    } else {
-        busy_for(b, PROGRAM_PS);
-    }
+    run_operation(b, PROGRAM_PS);
     return true;
 }
 

@@ -116,6 +116,10 @@ struct flash {
     uint8_t key_step, opt_key_step;
     uint64_t busy_until_ps;
     uint32_t stale_first, stale_end; /* changed since the engine last looked; end 0: nothing */
+    struct operation {
+        uint32_t first, length;
+        uint64_t begin_ps, end_ps;
+    } operation; /* the last one */
 };
 
 struct gpio {
@@ -182,6 +186,7 @@ struct board {
     uc_engine *uc;
     struct board_options options;
     uint8_t *flash_array, *sram, *ccm, *system;
+    uint8_t *flash_before; /* what the operation under way found */
     struct region_of region[BUS_REGIONS];
     uint8_t bus_page[BUS_PAGES];
     struct block *flash_blocks; /* one per half-word of flash */
@@ -233,6 +238,8 @@ struct board {
     uint64_t rng_state;
     bool crystal_alive;
     int64_t flash_cut_after;
+    uint64_t tear_state;
+    uint64_t cut_at_instruction; /* NEVER: not armed */
 
     /* wires */
     struct watched {

@@ -59,6 +59,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rig_power": (None, [_P, _BOOL]),
     "rig_reset": (None, [_P, _INT]),
     "board_cut_power_at_flash_write": (None, [_P, _I64]),
+    "board_cut_power_at_instruction": (None, [_P, _I64]),
     "board_read_memory": (_BOOL, [_P, _U32, _P, _SIZE]),
     "board_write_memory": (_BOOL, [_P, _U32, ctypes.c_char_p, _SIZE]),
     "board_trace_hash": (None, [_P, _P]),

@@ -310,8 +310,22 @@ class VirtualRobot:
             self._library.rig_reset(self._rig, int(cause))
 
     def cut_power_at_flash_write(self, operations: int | None) -> None:
-        """Fail the supply in the middle of a flash erase or programming, after this many whole ones."""
+        """Fail the supply in the middle of a flash erase or programming, after this many whole ones.
+
+        How far the torn operation got, and which bits it reached, is drawn from the board's seed.
+        """
         self._library.board_cut_power_at_flash_write(self._board, -1 if operations is None else operations)
+
+    def cut_power_at_instruction(self, instructions: int | None) -> None:
+        """Fail the supply after this many more instructions, at the end of their stretch without a branch."""
+        n = -1 if instructions is None else instructions
+        self._library.board_cut_power_at_instruction(self._board, n)
+
+    def write_flash(self, addr: int, data: bytes) -> None:
+        """Write bytes into flash as a programmer does; meant for a board that is switched off."""
+        inside = addr in _FLASH and addr + len(data) <= _FLASH.stop
+        if not (inside and self._library.rig_flash(self._rig, addr, bytes(data), len(data))):
+            raise VirtualRobotError(f"there is no flash of {len(data)} bytes at 0x{addr:08X}")
 
 
 def _fields(native_struct: ctypes.Structure) -> dict[str, Any]:
