@@ -10,14 +10,19 @@ static struct parameter_table table_of(struct robot *robot)
     };
 }
 
-/* What the tick reads of the values changes between two ticks, all of it at once. */
+/* What the tick reads of the values changes between two ticks, all of it at once; a fault made good is gone
+ * with the reply that says so. */
 static void take_effect(struct robot *robot)
 {
     struct tuning tuning;
+    const bool damaged = parameter_store_is_damaged(&robot->store);
     tuning_from_parameters(&tuning, &robot->parameters);
     const uint32_t state = hal_critical_enter();
     robot->tuning = tuning;
-    robot->supervisor.store_damaged = parameter_store_is_damaged(&robot->store);
+    robot->supervisor.store_damaged = damaged;
+    if (!damaged) {
+        robot->supervisor.active &= ~(uint32_t)PROTO_FAULT_PARAMETER_STORE_DAMAGED;
+    }
     hal_critical_exit(state);
 }
 

@@ -175,6 +175,11 @@ void board_set_crystal(struct board *board, bool alive)
     }
 }
 
+void board_set_flash_slow(struct board *board, bool slow)
+{
+    board->flash_slow = slow;
+}
+
 void board_cut_power_at_flash_write(struct board *board, int64_t operations)
 {
     board->flash_cut_after = operations;

@@ -63,6 +63,8 @@ void board_reset(struct board *board, enum board_reset cause);
 
 /* The crystal stops (or starts) now. */
 void board_set_crystal(struct board *board, bool alive);
+/* Flash takes the longest times of the datasheet instead of the typical ones. */
+void board_set_flash_slow(struct board *board, bool slow);
 /* The flash operation after this many more stops half way, at a point drawn by the seed, and the board loses
    power; negative: never. Power that fails, or a reset that comes, at any other time tears the operation
    under way by the share of its time gone by. Torn means: each bit that was to change has or has not, by a

@@ -6,12 +6,16 @@
 enum { EOP = 1 << 0, WRPERR = 1 << 4, PGAERR = 1 << 5, PGPERR = 1 << 6, PGSERR = 1 << 7, BSY = 1 << 16 };
 enum { PG = 1 << 0, SER = 1 << 1, MER = 1 << 2, STRT = 1 << 16, EOPIE = 1 << 24, LOCK = 1u << 31 };
 enum { IRQ_FLASH = 4, SECTORS = 12 };
-/* Typical times at 2.7 to 3.6 V, STM32F405 datasheet table 40. */
-#define PROGRAM_PS    (16 * PS_PER_US)
-#define ERASE_16K_PS  (250000 * PS_PER_US)
-#define ERASE_64K_PS  (550000 * PS_PER_US)
-#define ERASE_128K_PS (1000000 * PS_PER_US)
-#define ERASE_ALL_PS  (8000000 * PS_PER_US)
+/* Times at 2.7 to 3.6 V, typical and longest, STM32F405 datasheet table 40. */
+static const struct times {
+    uint64_t program_us, erase_16k_us, erase_64k_us, erase_128k_us, erase_all_us;
+} times[] = {{16, 250000, 550000, 1000000, 8000000}, {100, 500000, 1100000, 2000000, 16000000}};
+
+static uint64_t longest_or_typical(const struct board *b, uint64_t typical_us, uint64_t longest_us)
+{
+    return (b->flash_slow ? longest_us : typical_us) * PS_PER_US;
+}
+#define TIME_PS(b, what) longest_or_typical(b, times[0].what, times[1].what)
 
 /* Four sectors of 16 KiB, one of 64, seven of 128 (RM0090 table 5). */
 static uint32_t sector_start(uint32_t sector)
@@ -159,7 +163,7 @@ static void erase(struct board *b, uint32_t first, uint32_t length, uint64_t ps)
 static void start_erase(struct board *b)
 {
     if ((b->flash.cr & MER) != 0) {
-        erase(b, 0, FLASH_SIZE, ERASE_ALL_PS);
+        erase(b, 0, FLASH_SIZE, TIME_PS(b, erase_all_us));
         return;
     }
     uint32_t sector = b->flash.cr >> 3 & 0xFu;
@@ -169,9 +173,9 @@ static void start_erase(struct board *b)
     }
     uint32_t size = sector_size(sector);
     erase(b, sector_start(sector), size,
-          size == 0x4000u    ? ERASE_16K_PS
-          : size == 0x10000u ? ERASE_64K_PS
-                             : ERASE_128K_PS);
+          size == 0x4000u    ? TIME_PS(b, erase_16k_us)
+          : size == 0x10000u ? TIME_PS(b, erase_64k_us)
+                             : TIME_PS(b, erase_128k_us));
 }
 
 /* A store into the array, which the engine itself discards. It has to be as wide as PSIZE says, and only
@@ -200,7 +204,7 @@ bool flash_store(struct board *b, uint32_t address, uint32_t size, uint64_t valu
     for (uint32_t i = 0; i < size; i++) {
         b->flash_array[offset + i] &= (uint8_t)(value >> (8 * i));
     }
-    run_operation(b, PROGRAM_PS);
+    run_operation(b, TIME_PS(b, program_us));
     return true;
 }
 

@@ -237,6 +237,7 @@ struct board {
     uint32_t rng_cr;
     uint64_t rng_state;
     bool crystal_alive;
+    bool flash_slow;
     int64_t flash_cut_after;
     uint64_t tear_state;
     uint64_t cut_at_instruction; /* NEVER: not armed */

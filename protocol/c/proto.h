@@ -145,7 +145,7 @@ enum proto_refusal_reason {
     PROTO_REFUSAL_REASON_OUT_OF_RANGE = 4, /* a number lies outside its limits; `detail` is the field's position, counted from 0 (in seq_segments: the segment's index) */
     PROTO_REFUSAL_REASON_WRONG_STATE = 5, /* not possible in this state; `detail` is the state */
     PROTO_REFUSAL_REASON_FAULT_LATCHED = 6, /* a fault is latched; `detail` holds the latched faults' bits; clear_faults first */
-    PROTO_REFUSAL_REASON_SELF_CHECK_FAILED = 7, /* encoders or supply are not fit to move; `detail` holds the faults' bits */
+    PROTO_REFUSAL_REASON_SELF_CHECK_FAILED = 7, /* encoders, supply or stored parameters are not fit to move; `detail` holds the faults' bits */
     PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER = 8, /* no parameter has this index; `detail` is the index */
     PROTO_REFUSAL_REASON_SEQUENCE_TOO_LONG = 9, /* more segments than the board holds; `detail` is its limit */
     PROTO_REFUSAL_REASON_SEQUENCE_GAP = 10, /* segments must follow one another; `detail` is the index expected */

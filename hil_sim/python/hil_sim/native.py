@@ -58,6 +58,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rig_crystal_alive": (None, [_P, _BOOL]),
     "rig_power": (None, [_P, _BOOL]),
     "rig_reset": (None, [_P, _INT]),
+    "board_set_flash_slow": (None, [_P, _BOOL]),
     "board_cut_power_at_flash_write": (None, [_P, _I64]),
     "board_cut_power_at_instruction": (None, [_P, _I64]),
     "board_read_memory": (_BOOL, [_P, _U32, _P, _SIZE]),

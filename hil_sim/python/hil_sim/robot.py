@@ -309,6 +309,10 @@ class VirtualRobot:
         else:
             self._library.rig_reset(self._rig, int(cause))
 
+    def set_flash_slow(self, slow: bool) -> None:
+        """Let flash take the longest times of the datasheet instead of the typical ones."""
+        self._library.board_set_flash_slow(self._board, slow)
+
     def cut_power_at_flash_write(self, operations: int | None) -> None:
         """Fail the supply in the middle of a flash erase or programming, after this many whole ones.
 

@@ -82,8 +82,12 @@ class Client:
         """Release the line."""
         self.stream.close()
 
-    def request(self, request: Request[ReplyT], *, patience_s: float | None = None) -> ReplyT:
+    def request(
+        self, request: Request[ReplyT], *, patience_s: float | None = None, first_wait_s: float | None = None
+    ) -> ReplyT:
         """Send `request` until it is answered; return the reply.
+
+        `first_wait_s` is for what takes the board longer than the timing's first wait.
 
         Raises
         ------
@@ -91,15 +95,18 @@ class Client:
         LinkTimeout : no answer within `patience_s` (default: the timing's).
         LinkClosed : the line is gone.
         """
-        return self.unpack(request, self.exchange(request, patience_s=patience_s))
+        answer = self.exchange(request, patience_s=patience_s, first_wait_s=first_wait_s)
+        return self.unpack(request, answer)
 
-    def exchange(self, request: Request[ReplyT], *, patience_s: float | None = None) -> Frame:
+    def exchange(
+        self, request: Request[ReplyT], *, patience_s: float | None = None, first_wait_s: float | None = None
+    ) -> Frame:
         """Send `request` until a frame answers it (a refusal is an answer); return that frame."""
         sequence = self._next_sequence()
         wanted = (request.ID | REPLY_BIT, REFUSAL_ID)
         patience = self.timing.patience_s if patience_s is None else patience_s
         deadline = self.stream.now_s() + patience
-        wait = self.timing.first_wait_s
+        wait = self.timing.first_wait_s if first_wait_s is None else first_wait_s
         tries = 0
         while True:
             now = self.stream.now_s()

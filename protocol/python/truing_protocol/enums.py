@@ -99,7 +99,7 @@ class RefusalReason(IntEnum):
     OUT_OF_RANGE = 4  # a number lies outside its limits; `detail` is the field's position, counted from 0 (in seq_segments: the segment's index)
     WRONG_STATE = 5  # not possible in this state; `detail` is the state
     FAULT_LATCHED = 6  # a fault is latched; `detail` holds the latched faults' bits; clear_faults first
-    SELF_CHECK_FAILED = 7  # encoders or supply are not fit to move; `detail` holds the faults' bits
+    SELF_CHECK_FAILED = 7  # encoders, supply or stored parameters are not fit to move; `detail` holds the faults' bits
     UNKNOWN_PARAMETER = 8  # no parameter has this index; `detail` is the index
     SEQUENCE_TOO_LONG = 9  # more segments than the board holds; `detail` is its limit
     SEQUENCE_GAP = 10  # segments must follow one another; `detail` is the index expected
@@ -120,7 +120,7 @@ REFUSAL_MEANING: dict[int, str] = {
     RefusalReason.OUT_OF_RANGE: "a number lies outside its limits; `detail` is the field's position, counted from 0 (in seq_segments: the segment's index)",
     RefusalReason.WRONG_STATE: "not possible in this state; `detail` is the state",
     RefusalReason.FAULT_LATCHED: "a fault is latched; `detail` holds the latched faults' bits; clear_faults first",
-    RefusalReason.SELF_CHECK_FAILED: "encoders or supply are not fit to move; `detail` holds the faults' bits",
+    RefusalReason.SELF_CHECK_FAILED: "encoders, supply or stored parameters are not fit to move; `detail` holds the faults' bits",
     RefusalReason.UNKNOWN_PARAMETER: "no parameter has this index; `detail` is the index",
     RefusalReason.SEQUENCE_TOO_LONG: "more segments than the board holds; `detail` is its limit",
     RefusalReason.SEQUENCE_GAP: "segments must follow one another; `detail` is the index expected",

@@ -1,0 +1,129 @@
+"""A save may lose its power anywhere: the next start finds the old set of parameters or the new one, whole."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+import truing_protocol as tp
+from support.store_board import BLANK, StoreBoard, Values, faults_of, generation, put_values, values_of
+from truing.link.framing import Frame, encode
+
+DAMAGED = next(fault.mask for fault in tp.FAULTS if fault.name == "parameter_store_damaged")
+TEARS = 3  # each torn operation stops somewhere else
+EVERY_INSTRUCTIONS = 1000
+EVERY_US = 10_000
+SAVE = encode(Frame(tp.ParamSaveRequest.ID, 4711))
+LONGEST_SAVE_US = 400_000
+
+
+@dataclass
+class Save:
+    """One save to be cut off: what it starts from, and what it takes."""
+
+    board: StoreBoard
+    slots: bytes
+    old: Values
+    new: Values
+    is_first: bool
+    operations: int = 0
+    instructions: int = 0
+    duration_us: int = 0
+    outcomes: dict[str, int] = field(default_factory=lambda: {"old": 0, "new": 0})
+
+    def measure(self) -> None:
+        """Do it once without a cut."""
+        client = self.board.start(self.slots)
+        put_values(client, self.new)
+        self.new = values_of(client)
+        robot = self.board.robot
+        before, began = robot.stats().instructions, robot.time_us
+        assert client.request(tp.ParamSaveRequest()).written
+        self.instructions, self.duration_us = robot.stats().instructions - before, robot.time_us - began
+        assert values_of(self.board.start()) == self.new
+
+    def cut(self, arm: Callable[[StoreBoard], object], *, must_fail: bool) -> None:
+        """Do it with a cut, start again, and judge."""
+        client = self.board.start(self.slots)
+        put_values(client, self.new)
+        self.board.robot.link_write(SAVE)  # on its way from now on; time passes only below
+        arm(self.board)
+        failed = self.board.run_until_dark(LONGEST_SAVE_US)
+        assert failed or not must_fail
+        self.board.robot.cut_power_at_flash_write(None)
+        self.board.robot.cut_power_at_instruction(None)
+        client = self.board.start()
+        found = values_of(client)
+        assert found in (self.old, self.new), "neither the old set nor the new one"
+        self.outcomes["new" if found == self.new else "old"] += 1
+        # With an older set to fall back on, a cut is no damage.
+        assert self.is_first or not faults_of(client) & DAMAGED
+
+
+@pytest.fixture(params=["first", "second", "third"])
+def save(request: pytest.FixtureRequest, image: Path, native_library: Path) -> Save:
+    number = ("first", "second", "third").index(request.param)
+    board = StoreBoard(image, seed=number + 1)
+    request.addfinalizer(board.robot.close)
+    client = board.start(BLANK)
+    for earlier in range(number):
+        put_values(client, generation(earlier))
+        client.request(tp.ParamSaveRequest())
+    found = Save(board, board.slots, values_of(board.start()), generation(number), is_first=number == 0)
+    found.measure()
+    return found
+
+
+def flash_writes(save: Save) -> int:
+    """Count them: the first cut that no longer happens is behind the last."""
+    count = 0
+    while True:
+        client = save.board.start(save.slots)
+        put_values(client, save.new)
+        save.board.robot.cut_power_at_flash_write(count)
+        save.board.robot.link_write(SAVE)
+        if not save.board.run_until_dark(LONGEST_SAVE_US):
+            save.board.robot.cut_power_at_flash_write(None)
+            return count
+        count += 1
+
+
+@pytest.mark.slow
+def test_a_save_cut_off_anywhere_leaves_the_old_set_or_the_new_one(save: Save) -> None:
+    began = time.monotonic()
+    tried = {"flash writes": 0, "instructions": 0, "moments of the erase": 0}
+
+    writes = flash_writes(save)
+    assert writes >= 2 * len(tp.PARAMETERS)
+    for write in range(writes):
+        for _ in range(TEARS):
+            save.cut(lambda board, n=write: board.robot.cut_power_at_flash_write(n), must_fail=True)  # type: ignore[misc]
+            tried["flash writes"] += 1
+
+    for instruction in range(0, save.instructions, EVERY_INSTRUCTIONS):
+        save.cut(
+            lambda board, n=instruction: board.robot.cut_power_at_instruction(n),  # type: ignore[misc]
+            must_fail=instruction < save.instructions - EVERY_INSTRUCTIONS,
+        )
+        tried["instructions"] += 1
+
+    for moment_us in range(0, save.duration_us, EVERY_US):
+
+        def later(board: StoreBoard, us: int = moment_us) -> None:
+            board.robot.run_us(us)
+            board.robot.set_power(False)
+
+        save.cut(later, must_fail=True)
+        tried["moments of the erase"] += 1
+
+    print(
+        f"{sum(tried.values())} cuts ({', '.join(f'{n} at {what}' for what, n in tried.items())}; "
+        f"{writes} flash writes, {save.instructions} instructions, {save.duration_us / 1000:.1f} ms a save): "
+        f"{save.outcomes['old']} old sets, {save.outcomes['new']} new ones, in {time.monotonic() - began:.1f} s"
+    )
+    assert save.outcomes["old"] > writes
+    assert save.outcomes["new"] > 0
