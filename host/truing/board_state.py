@@ -15,7 +15,9 @@ from truing_protocol import (
     LogEntry,
     Mode,
     ParameterInfo,
+    ParamStoreReply,
     SequenceState,
+    SlotState,
     State,
     StatusReply,
 )
@@ -78,15 +80,76 @@ class BoardStatus:
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One of the board's parameters with its value."""
+    """One of the board's parameters with its value.
+
+    `stored` is what the board's store holds for it, None when that is nothing or was not asked for.
+    """
 
     info: ParameterInfo
     value: float
+    stored: float | None = None
 
     @property
     def text(self) -> str:
         """The value in the fewest digits that single precision needs."""
         return format_f32(self.value)
+
+    @property
+    def after_restart(self) -> float:
+        """What the board's next start takes: the stored value, or else the default."""
+        return self.info.default if self.stored is None else self.stored
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether the next start takes the value that is in force."""
+        return format_f32(self.value) == format_f32(self.after_restart)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        info = self.info
+        return {
+            "value": float(self.text),
+            "stored": None if self.stored is None else float(format_f32(self.stored)),
+            "default": info.default,
+            "unit": info.unit,
+            "minimum": info.minimum,
+            "maximum": info.maximum,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterStore:
+    """How the board's store of parameters is.
+
+    `sequence` numbers the newest set, 0 when there is none; `stored` of this image's parameters are
+    in it, `unknown` values belong to parameters that this image does not have, `unfit` ones lie
+    beyond this image's limits.
+    """
+
+    sequence: int
+    slots: tuple[SlotState, SlotState]
+    stored: int
+    unknown: int
+    unfit: int
+
+    @classmethod
+    def from_reply(cls, reply: ParamStoreReply) -> ParameterStore:
+        """Read the wire's integers."""
+        first, second = (SlotState(state) for state in reply.slot_states)
+        return cls(reply.sequence, (first, second), reply.stored, reply.unknown, reply.unfit)
+
+    def to_dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self) | {"slots": [slot.name.lower() for slot in self.slots]}
+
+
+@dataclass(frozen=True, slots=True)
+class SavedParameters:
+    """What a save did: the set's number, whether it had to be written, how long the board stood still."""
+
+    sequence: int
+    written: bool
+    stall_s: float
 
 
 @dataclass(frozen=True, slots=True)

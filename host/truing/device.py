@@ -10,7 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-from truing.board_state import BoardLog, BoardStatus, Parameter, format_f32
+from truing.board_state import (
+    BoardLog,
+    BoardStatus,
+    Parameter,
+    ParameterStore,
+    SavedParameters,
+    format_f32,
+)
 from truing.errors import BoardRebooted, LinkTimeout, LogError, PlanError, Refused, TruingError
 from truing.link.client import Client
 from truing.link.connect import VirtualOptions, open_stream
@@ -24,11 +31,15 @@ from truing_protocol import (
     LogEraseRequest,
     LogListReply,
     LogListRequest,
+    ParamDefaultsRequest,
     ParameterInfo,
     ParameterKind,
     ParamGetRequest,
     ParamListRequest,
+    ParamLoadRequest,
+    ParamSaveRequest,
     ParamSetRequest,
+    ParamStoreRequest,
     Segment,
     SegmentKind,
     SeqAbortRequest,
@@ -52,6 +63,8 @@ _WIRE_KIND = {
 # Six segments make a frame of 90 bytes: on a clean line a long plan costs a few more round trips, on
 # a bad one a longer frame would hardly ever arrive.
 _SEGMENTS_PER_FRAME = 6
+# While the board erases a sector of its flash, 0.25 to 0.5 s, it hears nothing; what is sent then is lost.
+_SAVE_WAIT_S = 0.8
 # A stop is worth more patience than anything else.
 _STOP_PATIENCE_S = 6.0
 
@@ -106,7 +119,7 @@ class Device:
             who = "the board started anew" if same else "another board is on this port"
             raise BoardRebooted(
                 f"{now.port}: {who} in between (cause of its last start: {now.reset_cause})",
-                "its sequence, logs and parameters from before are gone; check its supply and start over",
+                "its sequence, logs and unsaved parameters are gone; check its supply and start over",
             )
 
     def status(self) -> BoardStatus:
@@ -135,7 +148,7 @@ class Device:
                 default=reply.default_value,
                 doc=docs.get(reply.name, ""),
             )
-            found[reply.name] = Parameter(info, reply.value)
+            found[reply.name] = Parameter(info, reply.value, reply.stored_value if reply.stored else None)
             if progress is not None:
                 progress((index + 1) / self.info.parameter_count)
         return found
@@ -164,6 +177,28 @@ class Device:
             ) from None
         except (OverflowError, ValueError) as error:
             raise TruingError(f"{name}: {value:g} does not fit a single-precision number") from error
+
+    def parameter_store(self) -> ParameterStore:
+        """How the store is that outlives power."""
+        return ParameterStore.from_reply(self.client.request(ParamStoreRequest()))
+
+    def save_parameters(self) -> SavedParameters:
+        """Store the values in force. The board brakes and is deaf for up to a second.
+
+        Raises
+        ------
+        Refused : the robot moves or a log is written, or the flash did not take the values.
+        """
+        reply = self.client.request(ParamSaveRequest(), first_wait_s=_SAVE_WAIT_S)
+        return SavedParameters(reply.sequence, bool(reply.written), reply.stall_ms / 1000)
+
+    def load_parameters(self) -> int:
+        """Go back to what the next start would take; returns how many values came from the store."""
+        return self.client.request(ParamLoadRequest()).stored
+
+    def default_parameters(self) -> None:
+        """Put every default into force; the store keeps what it holds."""
+        self.client.request(ParamDefaultsRequest())
 
     # ---- sequences
 

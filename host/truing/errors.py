@@ -81,6 +81,10 @@ class PlanError(TruingError):
     """A run plan is malformed, unknown, or asks for what the robot may not do."""
 
 
+class ParameterFileError(FileError):
+    """A file of parameters is unreadable, or holds what no board would take."""
+
+
 class IdentifyError(TruingError):
     """A recording is well-formed, but the asked-for quantity cannot be determined from it."""
 
@@ -106,7 +110,7 @@ class LinkClosed(LinkError):
 
 
 class BoardRebooted(LinkError):
-    """The board started anew in between: what it held in RAM (sequence, logs, parameters) is gone."""
+    """The board started anew in between: what it held in RAM (sequence, logs, unsaved parameters) is gone."""
 
 
 class ProtocolMismatch(LinkError):

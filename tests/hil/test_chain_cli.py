@@ -29,7 +29,7 @@ def test_json_stands_before_or_after_the_subcommand(image: Path, native_library:
 
 def test_parameters_are_listed_and_set(image: Path, native_library: Path) -> None:
     listed = json.loads(truing("params", "list", "--json").stdout)
-    assert listed["counts_per_rev"] == 2400
+    assert listed["counts_per_rev"]["value"] == 2400
     done = json.loads(truing("params", "set", "wheelbase_m", "0.29", "--json").stdout)
     assert done == {"name": "wheelbase_m", "before": 0.283, "value": 0.29}
     refused = truing("params", "set", "wheelbase_m", "-5")

@@ -1,4 +1,4 @@
-"""Saved parameters on the flashed image: what a save costs, what damage does, and what another image finds."""
+"""Saved parameters on the flashed image: what a save costs, what damage does, what another image finds."""
 
 from __future__ import annotations
 

@@ -39,6 +39,8 @@ class FakeBoard:
     board_id: bytes = bytes(range(12))
     logs: list[FakeLog] = field(default_factory=list)
     values: list[float] = field(default_factory=lambda: [p.default for p in tp.PARAMETERS])
+    stored: dict[int, float] = field(default_factory=dict)
+    saves: int = 0
     handled: list[str] = field(default_factory=list)
     reads: list[tuple[int, int]] = field(default_factory=list)
     latched: int = 0
@@ -129,7 +131,16 @@ class FakeBoard:
             return tp.RefusalReason.UNKNOWN_PARAMETER, request.index
         p = tp.PARAMETERS[request.index]
         return tp.ParamListReply(
-            p.index, p.kind, p.name, p.unit, p.minimum, p.maximum, p.default, self.values[p.index]
+            p.index,
+            p.kind,
+            p.name,
+            p.unit,
+            p.minimum,
+            p.maximum,
+            p.default,
+            self.values[p.index],
+            p.index in self.stored,
+            self.stored.get(p.index, p.default),
         ).pack()
 
     def param_get(self, request: tp.ParamGetRequest) -> bytes:
@@ -143,6 +154,24 @@ class FakeBoard:
             return tp.RefusalReason.OUT_OF_RANGE, 1
         self.values[request.index] = request.value
         return tp.ParamSetReply(request.index, request.value).pack()
+
+    def param_save(self, _: tp.ParamSaveRequest) -> bytes:
+        written = self.stored != dict(enumerate(self.values))
+        self.stored = dict(enumerate(self.values))
+        self.saves += written
+        return tp.ParamSaveReply(self.saves, written, 250 * written).pack()
+
+    def param_load(self, _: tp.ParamLoadRequest) -> bytes:
+        self.values = [self.stored.get(p.index, p.default) for p in tp.PARAMETERS]
+        return tp.ParamLoadReply(len(self.stored)).pack()
+
+    def param_defaults(self, _: tp.ParamDefaultsRequest) -> bytes:
+        self.values = [p.default for p in tp.PARAMETERS]
+        return b""
+
+    def param_store(self, _: tp.ParamStoreRequest) -> bytes:
+        states = (tp.SlotState.GOOD if self.saves else tp.SlotState.BLANK, tp.SlotState.BLANK)
+        return tp.ParamStoreReply(self.saves, states, 0, len(self.stored), 0, 0).pack()
 
     def seq_begin(self, request: tp.SeqBeginRequest) -> bytes:
         self.sequence, self.received, self._count = b"", b"", request.segment_count

@@ -28,7 +28,7 @@ COMMANDS: dict[str, str] = {
     "plan": "List, show and check run plans.",
     "stop": "Brake both wheels now.",
     "faults": "Show the board's faults, or clear them.",
-    "params": "List, get and set the board's parameters.",
+    "params": "List, change, save and compare the board's parameters.",
     "log": "List, fetch and erase the board's logs.",
     "import": "Turn recordings of other programs into a set of runs.",
     "identify": "Gains and time constants of recordings.",

@@ -26,6 +26,10 @@ _NEXT_STEP: dict[int, str] = {
         "`truing log list` shows what the ring still holds; fetch logs sooner, or log at a lower rate"
     ),
     RefusalReason.LOG_BEYOND_END: "`truing log list` shows what the ring holds",
+    RefusalReason.STORE_FAILED: (
+        "check the board's supply and try again; if it stays so, the flash is worn out: keep the values with "
+        "`truing params save --file` and change the board"
+    ),
     RefusalReason.LOG_BUSY: "wait for the sequence to end, or `truing stop`",
 }
 _WITH_FAULTS = {RefusalReason.FAULT_LATCHED, RefusalReason.SELF_CHECK_FAILED}
