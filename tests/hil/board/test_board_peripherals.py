@@ -253,20 +253,6 @@ def test_flash_erases_and_programs_with_the_times_of_the_datasheet(board):
     assert b.read_memory(0x08004000, 4) == bytes.fromhex("F00F0000"), "programming only clears bits"
 
 
-def test_a_power_cut_while_programming_leaves_a_half_written_word(board):
-    b = board("flash")
-    b.run_us(1000)
-    b.put("command", 1)
-    b.run_us(400_000)
-    b.put("command", 2)
-    b.cut_power_at_flash_write(1)
-    b.run_us(1000)
-    assert not b.stats().powered
-    assert b.read_memory(0x08004000, 4) == bytes.fromhex("F00FFECA")
-    second = b.read_memory(0x08004004, 4)
-    assert second not in (bytes.fromhex("78563412"), b"\xff" * 4)
-
-
 def test_a_dead_crystal_never_gets_ready(board):
     b = board("clock_loss", crystal=False)
     b.run_us(100_000)
