@@ -143,19 +143,21 @@ def leave_one_run_out(
 
     Parameters
     ----------
-    whole : the fit to all runs. With more than six runs, or physics beyond friction and delay, the
-        searches start from it instead of from the grid: one run among many does not decide which
-        valley the minimum lies in.
+    whole : the fit to all runs, one more place to start from; of several ends the one that fits the
+        other runs best is taken, so that the left-out run decides nothing. With more than six runs
+        it is the only start: one run among many does not decide which valley the minimum lies in.
     """
     if signal.runs < 2:
         raise IdentifyError("leaving one run out needs two runs or more")
     by_run = np.zeros(signal.runs)
     for index in range(signal.runs):
         others = signal.select([k for k in range(signal.runs) if k != index])
-        if whole is not None and (signal.runs > MANY_RUNS or len(structure.free) > len(DELAY.free)):
-            fit = fit_physics(others, structure, start=whole.physics, base=whole.physics)
-        else:
-            fit = fit_structure(others, structure)
+        ends: list[PhysicsFit] = []
+        if whole is None or signal.runs <= MANY_RUNS:
+            ends.append(fit_structure(others, structure))
+        if whole is not None:
+            ends.append(fit_physics(others, structure, start=whole.physics, base=whole.physics))
+        fit = min(ends, key=lambda end: end.minimum.cost)
         left_out = signal.select([index])
         predicted = simulate_signal(fit.physics, left_out)
         by_run[index] = left_out.rms_by_run(predicted - left_out.speed_mps)[0]
