@@ -157,3 +157,12 @@ def test_a_reset_gives_another_boot_id(qemu: Qemu, board: Client) -> None:
     qemu.reset()
     time.sleep(0.5)
     assert hello(board).boot_id != before
+
+
+def test_flash_that_takes_nothing_refuses_a_save_by_name(board: Client) -> None:
+    before = hello(board).boot_id
+    with pytest.raises(Refused) as caught:
+        board.request(tp.ParamSaveRequest(), first_wait_s=3.0)
+    assert caught.value.reason == "store_failed"
+    assert board.request(tp.ParamStoreRequest()).sequence == 0
+    assert hello(board).boot_id == before
