@@ -238,7 +238,8 @@ def _search(data: WheelData) -> tuple[float, float] | None:
         return None
 
     def weighted(point: NDArray[np.float64]) -> FloatArray:
-        return data.weight * data.residual(float(point[0]), float(np.exp(point[1])))
+        residual: FloatArray = data.weight * data.residual(float(point[0]), float(np.exp(point[1])))
+        return residual
 
     best: tuple[float, float, float] | None = None
     for k in minima:

@@ -225,7 +225,9 @@ def _interval_mean(times: FloatArray, command_times: FloatArray, command: FloatA
         index = np.searchsorted(edges, at, side="right") - 1
         inside = index > 0
         begin = np.where(inside, command_times[np.maximum(index - 1, 0)], at)
-        return np.where(inside, integral[np.maximum(index - 1, 0)], 0.0) + held[index] * (at - begin)
+        before = np.where(inside, integral[np.maximum(index - 1, 0)], 0.0)
+        total: FloatArray = before + held[index] * (at - begin)
+        return total
 
     begins = np.concatenate(([times[0] - float(np.median(np.diff(times)))], times[:-1]))
     spans = times - begins
