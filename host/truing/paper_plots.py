@@ -95,6 +95,7 @@ def _draw_gains(axes: Axes, study: GainStudy) -> None:
         axes.annotate(
             f"{table.gain[row]:.3f}  {label.split(',')[0]}",
             (15.0, table.gain[row]), xytext=(9, -3), textcoords="offset points", fontsize=8.5,
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85}, zorder=5,
         )  # fmt: skip
     axes.set_title("Printed gains and steady-state models")
     axes.set_xlabel("effort, % of supply")
@@ -210,7 +211,7 @@ def save_mom(study: MomStudy, path: Path) -> Path:
             "start", (0.5, 0.5), xytext=(0, -16), textcoords="offset points", ha="center", fontsize=8.5
         )
         axes.set_aspect("equal", adjustable="box")
-        axes.set_xlim(0.3, 4.2)
+        axes.set_xlim(0.3, 3.75)
         axes.set_ylim(0.3, 2.75)
         axes.set_xlabel("x, m")
         axes.set_ylabel("y, m")
