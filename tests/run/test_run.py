@@ -110,7 +110,7 @@ def test_two_at_once_wait_for_each_other(root: Path, elsewhere: Path) -> None:
             text=True,
         )
         with pytest.raises(subprocess.TimeoutExpired):
-            waiting.wait(timeout=1.0)
+            waiting.wait(timeout=2.0)
     stdout, stderr = waiting.communicate(timeout=30)
     assert waiting.returncode == 0
     assert stdout.startswith("truing")
