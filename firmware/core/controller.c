@@ -4,6 +4,7 @@
 
 #include <string.h>
 
+#include "boot.h"
 #include "requests.h"
 
 void controller_init(struct controller *controller)
@@ -14,7 +15,7 @@ void controller_init(struct controller *controller)
     memset(&controller->link, 0, sizeof controller->link);
     memset(&controller->cache, 0, sizeof controller->cache);
     controller->fed_at_ms = 0;
-    robot_init(&controller->robot, controller->identity.clock_fallback);
+    robot_init(&controller->robot, boot_faults(&controller->identity));
 }
 
 void controller_tick(struct controller *controller)
@@ -36,6 +37,8 @@ void controller_poll(struct controller *controller)
         requests_answer(controller, &request);
         link_flush(&controller->link);
     }
+
+    robot_audit(&controller->robot);
 
     /* A main loop that runs while the tick is dead must not keep the watchdog quiet. */
     const uint32_t now_ms = controller->robot.now_ms;

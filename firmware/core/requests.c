@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "boot.h"
 #include "requests_log.h"
 #include "requests_parameters.h"
 
@@ -31,30 +32,6 @@ static struct refusal bad_length(const struct frame *request)
 static struct refusal expect_empty(const struct frame *request)
 {
     return request->payload_length == 0 ? accepted() : bad_length(request);
-}
-
-/* RM0090 section 7.3.21: the flags stay set until cleared, and a power-on sets the brown-out and pin flags as
- * well. */
-static uint8_t reset_cause_of(uint8_t rcc_csr_31_24)
-{
-    static const struct {
-        uint8_t flag;
-        uint8_t cause;
-    } causes[] = {
-        {1u << 3, PROTO_RESET_CAUSE_POWER_ON},  /* PORRSTF */
-        {1u << 5, PROTO_RESET_CAUSE_WATCHDOG},  /* IWDGRSTF */
-        {1u << 6, PROTO_RESET_CAUSE_WATCHDOG},  /* WWDGRSTF */
-        {1u << 7, PROTO_RESET_CAUSE_LOW_POWER}, /* LPWRRSTF */
-        {1u << 4, PROTO_RESET_CAUSE_SOFTWARE},  /* SFTRSTF */
-        {1u << 1, PROTO_RESET_CAUSE_BROWN_OUT}, /* BORRSTF */
-        {1u << 2, PROTO_RESET_CAUSE_PIN},       /* PINRSTF */
-    };
-    for (size_t i = 0; i < sizeof causes / sizeof causes[0]; i++) {
-        if ((rcc_csr_31_24 & causes[i].flag) != 0) {
-            return causes[i].cause;
-        }
-    }
-    return PROTO_RESET_CAUSE_UNKNOWN;
 }
 
 static uint8_t clock_source_of(const struct hal_identity *identity)
@@ -89,7 +66,7 @@ static struct refusal answer_hello(struct controller *controller, const struct f
         .parameter_count = PROTO_PARAMETER_COUNT,
         .log_block_size = PROTO_LOG_BLOCK_SIZE,
         .log_block_count = PROTO_LOG_BLOCK_COUNT,
-        .reset_cause = reset_cause_of(identity->reset_cause),
+        .reset_cause = boot_reset_cause(identity),
         .clock_source = clock_source_of(identity),
     };
     memcpy(out.board_id, identity->board_id, sizeof out.board_id);
@@ -113,6 +90,36 @@ static struct refusal answer_clear_faults(struct controller *controller, const s
     (void)reply;
     const struct refusal verdict = expect_empty(request);
     return verdict.reason != REFUSAL_NONE ? verdict : robot_clear_faults(&controller->robot);
+}
+
+static struct refusal answer_fault_record(struct controller *controller, const struct frame *request,
+                                          struct reply *reply)
+{
+    (void)controller;
+    struct hal_fault_record record;
+    struct proto_fault_record_reply out = {0};
+    if (hal_fault_record(&record)) {
+        out = (struct proto_fault_record_reply){
+            .present = 1,
+            .exception = (uint8_t)record.exception,
+            .has_frame = record.has_frame != 0,
+            .count = record.count,
+            .r0 = record.r0,
+            .r1 = record.r1,
+            .r2 = record.r2,
+            .r3 = record.r3,
+            .r12 = record.r12,
+            .lr = record.lr,
+            .pc = record.pc,
+            .xpsr = record.xpsr,
+            .cfsr = record.cfsr,
+            .hfsr = record.hfsr,
+            .mmfar = record.mmfar,
+            .bfar = record.bfar,
+        };
+    }
+    reply->length = proto_fault_record_reply_encode(&out, reply->bytes, reply->capacity);
+    return expect_empty(request);
 }
 
 static struct refusal answer_param_list(struct controller *controller, const struct frame *request,
@@ -316,6 +323,7 @@ static const struct entry entries[] = {
     {PROTO_ID_HELLO, false, answer_hello},
     {PROTO_ID_STATUS, false, answer_status},
     {PROTO_ID_CLEAR_FAULTS, false, answer_clear_faults},
+    {PROTO_ID_FAULT_RECORD, false, answer_fault_record},
     {PROTO_ID_PARAM_LIST, false, answer_param_list},
     {PROTO_ID_PARAM_GET, false, answer_param_get},
     {PROTO_ID_PARAM_SET, false, answer_param_set},

@@ -8,18 +8,19 @@
 #include "robot_parameters.h"
 #include "rounding.h"
 
-void robot_init(struct robot *robot, bool clock_fallback)
+void robot_init(struct robot *robot, uint32_t boot_faults)
 {
     hal_sense(&robot->sample);
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
         robot->counts[wheel] = 0;
         wheel_speed_init(&robot->wheels[wheel], 0);
+        wheel_watch_init(&robot->watches[wheel], 0);
     }
     robot->odometry = (struct odometry){0};
     drive_init(&robot->drive);
     memset(&robot->sequence, 0, sizeof robot->sequence); /* state EMPTY is 0 */
     recorder_init(&robot->recorder);
-    supervisor_init(&robot->supervisor, clock_fallback);
+    supervisor_init(&robot->supervisor, boot_faults);
     robot_start_parameters(robot);
     robot->view = (struct supervisor_view){
         .still = {true, true},
@@ -45,10 +46,16 @@ static void sense(struct robot *robot)
         robot->counts[wheel] = wrapped_sum(robot->counts[wheel], moved[wheel]);
         if (robot->speeds_stale) {
             wheel_speed_init(&robot->wheels[wheel], robot->counts[wheel]);
+            wheel_watch_init(&robot->watches[wheel], robot->counts[wheel]);
         }
         wheel_speed_step(&robot->wheels[wheel], robot->counts[wheel]);
         robot->view.speed_mps[wheel] = wheel_speed_mps(&robot->wheels[wheel], robot->tuning.metres_per_count);
         robot->view.still[wheel] = wheel_speed_is_still(&robot->wheels[wheel]);
+        wheel_watch_step(&robot->watches[wheel], &robot->tuning, wheel, robot->counts[wheel],
+                         robot->drive.applied_e4[wheel]);
+        robot->view.lost[wheel] = robot->watches[wheel].lost;
+        robot->view.reversed[wheel] = robot->watches[wheel].reversed;
+        robot->view.stalled[wheel] = robot->watches[wheel].stalled;
     }
     robot->speeds_stale = false;
     odometry_step(&robot->odometry, &robot->tuning.geometry, moved[0], moved[1]);
@@ -198,6 +205,10 @@ struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, uint16_t 
     if (verdict.reason != REFUSAL_NONE) {
         return verdict;
     }
+    if (!sequence_is_intact(&robot->sequence)) {
+        supervisor_stop(&robot->supervisor, PROTO_FAULT_SEQUENCE_DAMAGED);
+        return refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_SEQUENCE_DAMAGED);
+    }
     const uint32_t state = hal_critical_enter();
     const uint16_t rate = robot->sequence.log_rate_hz;
     *log_id =
@@ -207,6 +218,13 @@ struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, uint16_t 
     command_segment(robot);
     hal_critical_exit(state);
     return accepted();
+}
+
+void robot_audit(struct robot *robot)
+{
+    if (robot->supervisor.state == PROTO_STATE_SEQUENCE && !sequence_audit(&robot->sequence)) {
+        robot->supervisor.sequence_damaged = true;
+    }
 }
 
 struct refusal robot_clear_faults(struct robot *robot)

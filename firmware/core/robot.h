@@ -21,6 +21,7 @@
 #include "supervisor.h"
 #include "tuning.h"
 #include "wheel_speed.h"
+#include "wheel_watch.h"
 
 struct robot {
     struct parameters parameters;
@@ -29,6 +30,7 @@ struct robot {
     struct hal_sample sample;   /* of this tick */
     int32_t counts[HAL_WHEELS]; /* forward positive, since start-up, wrapping */
     struct wheel_speed wheels[HAL_WHEELS];
+    struct wheel_watch watches[HAL_WHEELS];
     struct odometry odometry;
     struct drive drive;
     struct sequence sequence;
@@ -40,8 +42,12 @@ struct robot {
     struct log log;
 };
 
-void robot_init(struct robot *robot, bool clock_fallback);
+/* `boot_faults`: what the start brings along, see boot.h. */
+void robot_init(struct robot *robot, uint32_t boot_faults);
 void robot_tick(struct robot *robot);
+
+/* From the main loop: goes on checking the running sequence against its CRC, one segment a call. */
+void robot_audit(struct robot *robot);
 
 /* Brakes both wheels now; ends a sequence or a live drive, and its log. A latched fault stays latched. */
 void robot_stop(struct robot *robot);

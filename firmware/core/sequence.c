@@ -112,12 +112,42 @@ struct refusal sequence_check(const struct sequence *sequence, const struct tuni
     return accepted();
 }
 
+static uint32_t segment_crc(uint32_t crc, const struct proto_segment *segment)
+{
+    uint8_t packed[PROTO_SEGMENT_SIZE];
+    return crc32_update(crc, packed, proto_segment_encode(segment, packed, sizeof packed));
+}
+
+bool sequence_is_intact(const struct sequence *sequence)
+{
+    uint32_t crc = 0;
+    for (uint32_t i = 0; i < sequence->segment_count; i++) {
+        crc = segment_crc(crc, &sequence->segments[i]);
+    }
+    return crc == sequence->crc;
+}
+
+bool sequence_audit(struct sequence *sequence)
+{
+    if (sequence->audited >= sequence->segment_count) {
+        const bool good = sequence->audit_crc == sequence->crc;
+        sequence->audited = 0;
+        sequence->audit_crc = 0;
+        return good;
+    }
+    sequence->audit_crc = segment_crc(sequence->audit_crc, &sequence->segments[sequence->audited]);
+    sequence->audited++;
+    return true;
+}
+
 void sequence_start(struct sequence *sequence, uint16_t log_id)
 {
     sequence->state = PROTO_SEQUENCE_STATE_RUNNING;
     sequence->log_id = log_id;
     sequence->current = 0;
     sequence->elapsed_ms = 0;
+    sequence->audited = 0;
+    sequence->audit_crc = 0;
     sequence->current_end_ms = sequence->segments[0].duration_ms;
 }
 

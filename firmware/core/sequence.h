@@ -2,6 +2,7 @@
 #ifndef SEQUENCE_H
 #define SEQUENCE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -22,7 +23,9 @@ struct sequence {
     uint16_t current;     /* while running: the segment that runs */
     uint32_t elapsed_ms;  /* since the start */
     uint32_t current_end_ms;
-    uint16_t log_id; /* of the last run, 0 before the first */
+    uint16_t audited;   /* segments that audit_crc covers */
+    uint32_t audit_crc; /* of this round of sequence_audit */
+    uint16_t log_id;    /* of the last run, 0 before the first */
 };
 
 /* What a tick of a running sequence brings. */
@@ -43,6 +46,12 @@ struct refusal sequence_check(const struct sequence *sequence, const struct tuni
 
 /* Time zero; the first segment's command is in force from now on. */
 void sequence_start(struct sequence *sequence, uint16_t log_id);
+
+/* All segments as they lie in memory still have the committed CRC. */
+bool sequence_is_intact(const struct sequence *sequence);
+
+/* The same for a sequence that runs, one segment a call, round and round; false at the end of a bad round. */
+bool sequence_audit(struct sequence *sequence);
 
 /* One millisecond later. */
 enum sequence_event sequence_step(struct sequence *sequence);

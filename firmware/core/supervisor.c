@@ -5,141 +5,240 @@
  * clearing afterwards; there the self check keeps it from moving. */
 #include "supervisor.h"
 
-#include "proto.h"
-
-/* Faults whose cause is over once it has been seen: nothing has to go away before they can be cleared. */
-static const uint32_t passing_faults = (uint32_t)PROTO_FAULT_HOST_SILENT | (uint32_t)PROTO_FAULT_LOOP_OVERRUN;
-
-struct rule {
-    uint32_t fault; /* enum proto_fault */
-    bool (*present)(const struct supervisor *, const struct tuning *, const struct supervisor_view *);
-};
+typedef bool detector(const struct supervisor *, const struct tuning *, const struct supervisor_view *);
 
 bool supervisor_is_moving(const struct supervisor *supervisor)
 {
     return supervisor->state == PROTO_STATE_LIVE || supervisor->state == PROTO_STATE_SEQUENCE;
 }
 
+/* Every detector takes all three, and few of them need all three. */
+#define DETECTOR(name)                                                                                       \
+    static bool name(__attribute__((unused)) const struct supervisor *supervisor,                            \
+                     __attribute__((unused)) const struct tuning *tuning,                                    \
+                     __attribute__((unused)) const struct supervisor_view *view)
+
+static bool faster_than(float speed_mps, float limit_mps)
+{
+    return speed_mps > limit_mps || speed_mps < -limit_mps;
+}
+
 static bool wheel_implausible(const struct supervisor *supervisor, const struct tuning *tuning,
                               const struct supervisor_view *view, int wheel)
 {
-    const float speed = view->speed_mps[wheel];
-    const bool too_fast = speed > tuning->encoder_speed_max_mps || speed < -tuning->encoder_speed_max_mps;
     /* On the move a slope or the other wheel may turn a braked wheel; that is no reason to stop. */
     const bool turns_at_rest = !supervisor_is_moving(supervisor) && view->at_rest && !view->still[wheel];
-    return too_fast || turns_at_rest;
+    return faster_than(view->speed_mps[wheel], tuning->encoder_speed_max_mps) || turns_at_rest;
 }
 
-static bool left_implausible(const struct supervisor *supervisor, const struct tuning *tuning,
-                             const struct supervisor_view *view)
+DETECTOR(left_implausible)
 {
     return wheel_implausible(supervisor, tuning, view, 0);
 }
 
-static bool right_implausible(const struct supervisor *supervisor, const struct tuning *tuning,
-                              const struct supervisor_view *view)
+DETECTOR(right_implausible)
 {
     return wheel_implausible(supervisor, tuning, view, 1);
 }
 
-static bool battery_unread(const struct supervisor *supervisor, const struct tuning *tuning,
-                           const struct supervisor_view *view)
+DETECTOR(battery_unread)
 {
-    (void)supervisor;
-    (void)tuning;
     return !view->battery_valid;
 }
 
-static bool battery_low(const struct supervisor *supervisor, const struct tuning *tuning,
-                        const struct supervisor_view *view)
+/* With hysteresis: once low, it is low until it has recovered. An unread battery tells nothing new. */
+DETECTOR(battery_low)
 {
-    (void)tuning;
-    (void)view;
-    return supervisor->battery_low;
+    const bool was_low = (supervisor->active & PROTO_FAULT_BATTERY_LOW) != 0;
+    if (!view->battery_valid) {
+        return was_low;
+    }
+    return view->battery_mv < (was_low ? tuning->battery_recovered_mv : tuning->battery_low_mv);
 }
 
-static bool host_silent(const struct supervisor *supervisor, const struct tuning *tuning,
-                        const struct supervisor_view *view)
+DETECTOR(host_silent)
 {
-    (void)view;
     return supervisor->state == PROTO_STATE_LIVE && supervisor->silence_ms >= tuning->command_timeout_ms;
 }
 
-static bool loop_overrun(const struct supervisor *supervisor, const struct tuning *tuning,
-                         const struct supervisor_view *view)
+DETECTOR(loop_overrun)
 {
-    (void)tuning;
-    (void)view;
     return supervisor->overrun;
 }
 
-static bool clock_fallback(const struct supervisor *supervisor, const struct tuning *tuning,
-                           const struct supervisor_view *view)
+DETECTOR(clock_fallback)
 {
-    (void)tuning;
-    (void)view;
-    return supervisor->clock_fallback;
+    return (supervisor->noted & PROTO_FAULT_CLOCK_FALLBACK) != 0;
 }
 
-static bool store_damaged(const struct supervisor *supervisor, const struct tuning *tuning,
-                          const struct supervisor_view *view)
+DETECTOR(store_damaged)
 {
-    (void)tuning;
-    (void)view;
     return supervisor->store_damaged;
 }
 
-static const struct rule rules[] = {
-    {PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE, left_implausible},
-    {PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE, right_implausible},
-    {PROTO_FAULT_BATTERY_UNREAD, battery_unread},
-    {PROTO_FAULT_BATTERY_LOW, battery_low},
-    {PROTO_FAULT_HOST_SILENT, host_silent},
-    {PROTO_FAULT_LOOP_OVERRUN, loop_overrun},
-    {PROTO_FAULT_CLOCK_FALLBACK, clock_fallback},
-    {PROTO_FAULT_PARAMETER_STORE_DAMAGED, store_damaged},
-};
-
-_Static_assert(sizeof rules / sizeof rules[0] == PROTO_FAULT_COUNT, "every fault of the schema has a rule");
-
-void supervisor_init(struct supervisor *supervisor, bool clock_is_fallback)
+DETECTOR(left_lost)
 {
-    *supervisor = (struct supervisor){.state = PROTO_STATE_IDLE, .clock_fallback = clock_is_fallback};
+    return view->lost[0];
 }
 
-static void watch_battery(struct supervisor *supervisor, const struct tuning *tuning,
-                          const struct supervisor_view *view)
+DETECTOR(right_lost)
 {
-    if (!view->battery_valid) {
-        return; /* nothing is known; battery_unread says so */
-    }
-    if (view->battery_mv >= tuning->battery_low_mv) {
-        supervisor->battery_below_ms = 0;
-        if (view->battery_mv >= tuning->battery_recovered_mv) {
-            supervisor->battery_low = false;
+    return view->lost[1];
+}
+
+DETECTOR(left_reversed)
+{
+    return view->reversed[0];
+}
+
+DETECTOR(right_reversed)
+{
+    return view->reversed[1];
+}
+
+DETECTOR(left_stalled)
+{
+    return view->stalled[0];
+}
+
+DETECTOR(right_stalled)
+{
+    return view->stalled[1];
+}
+
+DETECTOR(overspeed)
+{
+    return faster_than(view->speed_mps[0], tuning->overspeed_mps) ||
+           faster_than(view->speed_mps[1], tuning->overspeed_mps);
+}
+
+DETECTOR(brown_out)
+{
+    return (supervisor->noted & PROTO_FAULT_BROWN_OUT) != 0;
+}
+
+DETECTOR(program_fault)
+{
+    return (supervisor->noted & PROTO_FAULT_PROGRAM_FAULT) != 0;
+}
+
+DETECTOR(watchdog_reset)
+{
+    return (supervisor->noted & PROTO_FAULT_WATCHDOG_RESET) != 0;
+}
+
+DETECTOR(sequence_damaged)
+{
+    return supervisor->sequence_damaged;
+}
+
+/* name, detector, hold (ms of the cause before the fault counts), does it stop, what it takes to clear it.
+ * In the order of the schema. Times that depend on the wheel are held by wheel_watch. */
+#define FAULTS(ROW)                                                                                          \
+    ROW(ENCODER_LEFT_IMPLAUSIBLE, left_implausible, 0, true, WHEN_GONE)                                      \
+    ROW(ENCODER_RIGHT_IMPLAUSIBLE, right_implausible, 0, true, WHEN_GONE)                                    \
+    ROW(BATTERY_UNREAD, battery_unread, 0, true, WHEN_GONE)                                                  \
+    ROW(BATTERY_LOW, battery_low, SUPERVISOR_BATTERY_LOW_MS, true, WHEN_GONE)                                \
+    ROW(HOST_SILENT, host_silent, 0, true, AT_ONCE)                                                          \
+    ROW(LOOP_OVERRUN, loop_overrun, 0, true, AT_ONCE)                                                        \
+    ROW(CLOCK_FALLBACK, clock_fallback, 0, false, LASTS)                                                     \
+    ROW(PARAMETER_STORE_DAMAGED, store_damaged, 0, true, WHEN_GONE)                                          \
+    ROW(ENCODER_LEFT_LOST, left_lost, 0, true, AT_ONCE)                                                      \
+    ROW(ENCODER_RIGHT_LOST, right_lost, 0, true, AT_ONCE)                                                    \
+    ROW(ENCODER_LEFT_REVERSED, left_reversed, 0, true, AT_ONCE)                                              \
+    ROW(ENCODER_RIGHT_REVERSED, right_reversed, 0, true, AT_ONCE)                                            \
+    ROW(WHEEL_LEFT_STALLED, left_stalled, 0, true, AT_ONCE)                                                  \
+    ROW(WHEEL_RIGHT_STALLED, right_stalled, 0, true, AT_ONCE)                                                \
+    ROW(OVERSPEED, overspeed, SUPERVISOR_OVERSPEED_MS, true, WHEN_GONE)                                      \
+    ROW(BROWN_OUT, brown_out, 0, false, AT_ONCE)                                                             \
+    ROW(PROGRAM_FAULT, program_fault, 0, true, AT_ONCE)                                                      \
+    ROW(WATCHDOG_RESET, watchdog_reset, 0, true, AT_ONCE)                                                    \
+    ROW(SEQUENCE_DAMAGED, sequence_damaged, 0, true, AT_ONCE)
+
+enum position {
+#define POSITION(name, present, hold, stops, clears) POSITION_##name,
+    FAULTS(POSITION)
+#undef POSITION
+        ROWS
+};
+_Static_assert(ROWS == PROTO_FAULT_COUNT, "every fault of the schema has a row");
+
+#define CHECK(name, present, hold, stops, clears)                                                            \
+    _Static_assert(PROTO_FAULT_##name == 1u << POSITION_##name, "the rows are in the schema's order");       \
+    _Static_assert(((PROTO_FAULTS_THAT_STOP & PROTO_FAULT_##name) != 0) == (stops), "row and schema agree");
+FAULTS(CHECK)
+#undef CHECK
+
+static const struct {
+    detector *present;
+    uint16_t hold_ms;
+    uint8_t clears; /* enum supervisor_clears */
+} rows[] = {
+#define CLEARS_WHEN_GONE                        SUPERVISOR_CLEARS_WHEN_GONE
+#define CLEARS_AT_ONCE                          SUPERVISOR_CLEARS_AT_ONCE
+#define CLEARS_LASTS                            SUPERVISOR_LASTS
+#define ROW(name, present, hold, stops, clears) {present, hold, CLEARS_##clears},
+    FAULTS(ROW)
+#undef ROW
+};
+
+struct supervisor_row supervisor_row(uint32_t bit)
+{
+    return (struct supervisor_row){
+        .hold_ms = rows[bit].hold_ms,
+        .stops = (PROTO_FAULTS_THAT_STOP & 1u << bit) != 0,
+        .clears = (enum supervisor_clears)rows[bit].clears,
+    };
+}
+
+static uint32_t faults_that_clear(enum supervisor_clears how)
+{
+    uint32_t faults = 0;
+    for (uint32_t bit = 0; bit < ROWS; bit++) {
+        if (rows[bit].clears == (uint8_t)how) {
+            faults |= 1u << bit;
         }
-    } else if (supervisor->battery_below_ms < SUPERVISOR_BATTERY_LOW_MS) {
-        supervisor->battery_below_ms++;
-    } else {
-        supervisor->battery_low = true;
     }
+    return faults;
+}
+
+void supervisor_init(struct supervisor *supervisor, uint32_t boot_faults)
+{
+    const uint32_t latched = boot_faults & PROTO_FAULTS_THAT_STOP;
+    *supervisor = (struct supervisor){
+        .state = latched != 0 ? PROTO_STATE_STOPPED : PROTO_STATE_IDLE,
+        .latched = latched,
+        .noted = boot_faults,
+    };
+}
+
+void supervisor_stop(struct supervisor *supervisor, uint32_t faults)
+{
+    const uint32_t state = hal_critical_enter();
+    supervisor->latched |= faults;
+    supervisor->state = PROTO_STATE_STOPPED;
+    hal_critical_exit(state);
 }
 
 bool supervisor_step(struct supervisor *supervisor, const struct tuning *tuning,
                      const struct supervisor_view *view)
 {
-    watch_battery(supervisor, tuning, view);
     if (supervisor->state == PROTO_STATE_LIVE && supervisor->silence_ms < UINT32_MAX) {
         supervisor->silence_ms++;
     }
     uint32_t active = 0;
-    for (uint32_t i = 0; i < PROTO_FAULT_COUNT; i++) {
-        if (rules[i].present(supervisor, tuning, view)) {
-            active |= rules[i].fault;
+    for (uint32_t bit = 0; bit < ROWS; bit++) {
+        if (!rows[bit].present(supervisor, tuning, view)) {
+            supervisor->present_ms[bit] = 0;
+        } else if (supervisor->present_ms[bit] < rows[bit].hold_ms) {
+            supervisor->present_ms[bit]++;
+        } else {
+            active |= 1u << bit;
         }
     }
     supervisor->active = active;
     supervisor->overrun = false;
+    supervisor->sequence_damaged = false;
     const uint32_t stopping = active & PROTO_FAULTS_THAT_STOP;
     if (stopping == 0 || !supervisor_is_moving(supervisor)) {
         return false;
@@ -152,7 +251,8 @@ bool supervisor_step(struct supervisor *supervisor, const struct tuning *tuning,
 uint32_t supervisor_self_check(const struct supervisor *supervisor, const struct tuning *tuning,
                                const struct supervisor_view *view, bool from_rest)
 {
-    uint32_t unfit = supervisor->active & PROTO_FAULTS_THAT_STOP & ~passing_faults;
+    uint32_t unfit =
+        supervisor->active & PROTO_FAULTS_THAT_STOP & faults_that_clear(SUPERVISOR_CLEARS_WHEN_GONE);
     if (from_rest && !view->still[0]) {
         unfit |= PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE;
     }
@@ -170,12 +270,16 @@ uint32_t supervisor_self_check(const struct supervisor *supervisor, const struct
 
 uint32_t supervisor_clear(struct supervisor *supervisor)
 {
-    const uint32_t present = supervisor->active & PROTO_FAULTS_THAT_STOP & ~passing_faults;
-    if (present == 0) {
-        supervisor->latched = 0;
-        if (supervisor->state == PROTO_STATE_STOPPED) {
-            supervisor->state = PROTO_STATE_IDLE;
-        }
+    const uint32_t present =
+        supervisor->active & PROTO_FAULTS_THAT_STOP & faults_that_clear(SUPERVISOR_CLEARS_WHEN_GONE);
+    if (present != 0) {
+        return present;
     }
-    return present;
+    supervisor->latched = 0;
+    supervisor->noted &= faults_that_clear(SUPERVISOR_LASTS);
+    supervisor->active &= faults_that_clear(SUPERVISOR_LASTS);
+    if (supervisor->state == PROTO_STATE_STOPPED) {
+        supervisor->state = PROTO_STATE_IDLE;
+    }
+    return 0;
 }

@@ -6,35 +6,47 @@
 #include <stdint.h>
 
 #include "hal.h"
+#include "proto.h"
 #include "tuning.h"
 
 enum {
     /* The supply sags for tens of milliseconds when both motors start; a battery that is flat stays low. */
     SUPERVISOR_BATTERY_LOW_MS = 250,
+    /* Longer than a window of the speed's measurement: one disturbed count is no speed. */
+    SUPERVISOR_OVERSPEED_MS = 20,
+};
+
+/* What it takes to clear a fault, besides the command to do so. */
+enum supervisor_clears {
+    SUPERVISOR_CLEARS_WHEN_GONE, /* its cause must be gone */
+    SUPERVISOR_CLEARS_AT_ONCE,   /* its cause was over once it had been seen */
+    SUPERVISOR_LASTS,            /* it stays for as long as the board runs */
 };
 
 struct supervisor {
-    uint8_t state;             /* enum proto_state */
-    uint32_t active;           /* faults whose cause is present */
-    uint32_t latched;          /* faults that stopped the wheels */
-    uint16_t battery_below_ms; /* ticks in a row below battery_low_v, saturating */
-    bool battery_low;          /* with hysteresis */
-    uint32_t silence_ms;       /* since the last valid command */
-    volatile bool overrun;     /* set from the tick interrupt's frame, taken by the next step */
-    bool clock_fallback;
-    bool store_damaged; /* the parameters in force are not those that were saved last */
+    uint8_t state;                          /* enum proto_state */
+    uint32_t active;                        /* faults whose cause is present */
+    uint32_t latched;                       /* faults that stopped the wheels */
+    uint32_t noted;                         /* faults that start-up found */
+    uint16_t present_ms[PROTO_FAULT_COUNT]; /* ticks in a row with the cause present, saturating */
+    uint32_t silence_ms;                    /* since the last valid command */
+    volatile bool overrun;                  /* set from the tick interrupt's frame, taken by the next step */
+    bool store_damaged;                     /* the parameters in force are not those that were saved last */
+    volatile bool sequence_damaged;         /* set from the main loop, taken by the next step */
 };
 
 /* What the faults are judged by. */
 struct supervisor_view {
     float speed_mps[HAL_WHEELS];
     bool still[HAL_WHEELS];
+    bool lost[HAL_WHEELS], reversed[HAL_WHEELS], stalled[HAL_WHEELS]; /* see wheel_watch.h */
     bool at_rest; /* both wheels have been braked for so long that they must stand */
     uint16_t battery_mv;
     bool battery_valid;
 };
 
-void supervisor_init(struct supervisor *supervisor, bool clock_fallback);
+/* `boot_faults`: what start-up found; those that stop are latched from the beginning. */
+void supervisor_init(struct supervisor *supervisor, uint32_t boot_faults);
 
 /* The wheels are or may be driven. */
 bool supervisor_is_moving(const struct supervisor *supervisor);
@@ -43,11 +55,22 @@ bool supervisor_is_moving(const struct supervisor *supervisor);
 bool supervisor_step(struct supervisor *supervisor, const struct tuning *tuning,
                      const struct supervisor_view *view);
 
+/* Latches faults that were found outside of a tick, while the robot stands. */
+void supervisor_stop(struct supervisor *supervisor, uint32_t faults);
+
 /* The faults that forbid to begin moving, 0 when there are none. `from_rest`: both wheels must stand. */
 uint32_t supervisor_self_check(const struct supervisor *supervisor, const struct tuning *tuning,
                                const struct supervisor_view *view, bool from_rest);
 
 /* Unlatches; returns the faults that stop and are still present, 0 when it was done. */
 uint32_t supervisor_clear(struct supervisor *supervisor);
+
+/* A row of the table, for tests and documents; `bit` counts from 0. */
+struct supervisor_row {
+    uint32_t hold_ms;
+    bool stops;
+    enum supervisor_clears clears;
+};
+struct supervisor_row supervisor_row(uint32_t bit);
 
 #endif

@@ -2,10 +2,28 @@
 #include "tuning.h"
 
 #include "rounding.h"
+#include "wheel_watch.h"
 
 static uint16_t millivolts(float volts)
 {
     return (uint16_t)clampf(volts * 1000.0f + 0.5f, 0.0f, 65535.0f);
+}
+
+/* Coarse encoders make few counts: what must be seen of a wheel, at the slowest that it creeps under
+ * stall_effort. */
+static uint16_t watch_ms(uint16_t least_ms, float metres_per_count)
+{
+    const float creep_mps = 0.05f;
+    const float counts = (float)(WHEEL_WATCH_DITHER_COUNTS + 1);
+    const float wait_ms = 1000.0f * counts * metres_per_count / creep_mps;
+    return (uint16_t)((float)least_ms + clampf(wait_ms, 0.0f, 5000.0f));
+}
+
+/* A feedforward that was set to little or nothing says nothing about the robot's mass. */
+static float watch_ka(float ka)
+{
+    const float least = 0.1f;
+    return ka > least ? ka : least;
 }
 
 void tuning_from_parameters(struct tuning *tuning, const struct parameters *parameters)
@@ -31,6 +49,11 @@ void tuning_from_parameters(struct tuning *tuning, const struct parameters *para
     tuning->battery_recovered_mv =
         millivolts(p[PROTO_PARAMETER_BATTERY_LOW_V] + p[PROTO_PARAMETER_BATTERY_HYSTERESIS_V]);
 
+    tuning->overspeed_mps = p[PROTO_PARAMETER_OVERSPEED_MPS];
+    tuning->stall_effort = p[PROTO_PARAMETER_STALL_EFFORT];
+    tuning->encoder_start_ms = watch_ms(WHEEL_WATCH_START_MS, tuning->metres_per_count);
+    tuning->stall_ms = watch_ms(WHEEL_WATCH_STALL_MS, tuning->metres_per_count);
+
     const float ks[HAL_WHEELS] = {p[PROTO_PARAMETER_FF_KS_LEFT], p[PROTO_PARAMETER_FF_KS_RIGHT]};
     const float kv[HAL_WHEELS] = {p[PROTO_PARAMETER_FF_KV_LEFT], p[PROTO_PARAMETER_FF_KV_RIGHT]};
     const float ka[HAL_WHEELS] = {p[PROTO_PARAMETER_FF_KA_LEFT], p[PROTO_PARAMETER_FF_KA_RIGHT]};
@@ -46,5 +69,6 @@ void tuning_from_parameters(struct tuning *tuning, const struct parameters *para
             .accel_limit_mps2 = p[PROTO_PARAMETER_ACCEL_LIMIT_MPS2],
         };
         tuning->gains[wheel] = gains;
+        tuning->watch_ka[wheel] = watch_ka(ka[wheel]);
     }
 }

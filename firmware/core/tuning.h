@@ -24,6 +24,11 @@ struct tuning {
     uint16_t log_rate_hz;
     uint16_t battery_low_mv;
     uint16_t battery_recovered_mv;
+    float overspeed_mps;
+    float stall_effort;
+    uint16_t encoder_start_ms;  /* under stall_effort a wheel at rest makes counts within this time */
+    uint16_t stall_ms;          /* and one that has turned goes on within this time */
+    float watch_ka[HAL_WHEELS]; /* effort per acceleration, never so small that it could accuse */
 };
 
 void tuning_from_parameters(struct tuning *tuning, const struct parameters *parameters);

@@ -20,8 +20,22 @@ struct hal_identity {
     uint32_t boot_id;     /* differs from one boot to the next */
     uint8_t reset_cause;  /* RCC_CSR bits 31:24 as found at reset */
     uint32_t core_hz;     /* the core clock that start-up settled on */
+    bool memory_kept;     /* memory that resets leave alone was intact at start-up */
+    bool program_fault;   /* the start followed a fault of the program, see hal_fault_record */
     bool clock_fallback;  /* the crystal or the PLL failed: timing has the accuracy of the RC oscillator */
 };
+
+/* Registers of the processor at the last fault of the program; kept through resets, not through power-off. */
+struct hal_fault_record {
+    uint32_t count;     /* faults since power-up */
+    uint32_t exception; /* the processor's number of it */
+    uint32_t has_frame; /* 0: the stack was lost, r0 to xpsr mean nothing */
+    uint32_t r0, r1, r2, r3, r12, lr, pc, xpsr;
+    uint32_t cfsr, hfsr, mmfar, bfar;
+};
+
+/* False: there was none. */
+bool hal_fault_record(struct hal_fault_record *out);
 
 /* Who this board is and how it came up; constant after start-up. */
 void hal_identity(struct hal_identity *out);

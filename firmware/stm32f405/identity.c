@@ -42,13 +42,16 @@ static bool random_word(uint32_t *out)
 
 void identity_start(const struct clock *clock)
 {
-    if (boots.magic != BOOT_MAGIC) {
+    const bool memory_kept = boots.magic == BOOT_MAGIC;
+    if (!memory_kept) {
         boots.magic = BOOT_MAGIC;
         boots.count = 0;
     }
     boots.count++;
 
     memset(&identity, 0, sizeof identity);
+    identity.memory_kept = memory_kept;
+    identity.program_fault = fault_take_notice();
     for (uint32_t i = 0; i < sizeof identity.board_id; i += 4u) {
         uint32_t word = 0;
         if (guarded_read(UID_ADDRESS + i, &word)) {

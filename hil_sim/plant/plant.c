@@ -23,6 +23,7 @@ struct plant {
     double emf_per_speed[PLANT_WHEELS]; /* back-EMF per rim speed, V s/m; equals force per current */
     double angle_rad[PLANT_WHEELS];
     struct friction_speeds rims;
+    double hold_nm[PLANT_WHEELS]; /* dry friction from outside */
 };
 
 static double viscous_kg(const struct plant_wheel_params *wheel)
@@ -71,9 +72,16 @@ void plant_set_bridge(struct plant *plant, int wheel, double in1_duty, double in
     }
 }
 
-static double dry_impulse(const struct plant_wheel_params *wheel, double rim_speed)
+void plant_hold_wheel(struct plant *plant, int wheel, double torque_nm)
 {
-    const double torque = friction_limit_nm(&wheel->friction, rim_speed / wheel->radius_m);
+    if (is_wheel(wheel) && torque_nm >= 0.0) {
+        plant->hold_nm[wheel] = torque_nm;
+    }
+}
+
+static double dry_impulse(const struct plant_wheel_params *wheel, double rim_speed, double hold_nm)
+{
+    const double torque = friction_limit_nm(&wheel->friction, rim_speed / wheel->radius_m) + hold_nm;
     return step_s * torque / wheel->radius_m;
 }
 
@@ -95,8 +103,8 @@ static void step(struct plant *plant)
     const double momentum_right = mass->cross * before.left + mass->right * before.right +
                                   plant->emf_per_speed[1] * right.motor_charge_as;
     const struct friction_limits limits = {
-        .left = dry_impulse(&wheel[0], before.left),
-        .right = dry_impulse(&wheel[1], before.right),
+        .left = dry_impulse(&wheel[0], before.left, plant->hold_nm[0]),
+        .right = dry_impulse(&wheel[1], before.right, plant->hold_nm[1]),
         .twist = step_s * chassis_scrub_n(&plant->chassis, &before),
     };
     plant->rims = friction_solve(&plant->mass, momentum_left, momentum_right, &limits);

@@ -116,6 +116,9 @@ void plant_advance(struct plant *plant, uint64_t steps);
 /* Quadrature counts (x4) since creation: the sensor, not the truth. */
 int64_t plant_encoder_position(const struct plant *plant, int wheel);
 
+/* Holds a wheel by dry friction of this torque at its axle, as a hand or a kerb does; 0 lets go. */
+void plant_hold_wheel(struct plant *plant, int wheel, double torque_nm);
+
 /* Terminal voltage with the sense line's noise. */
 double plant_battery_v(const struct plant *plant);
 

@@ -298,6 +298,14 @@ void rig_motor_connected(struct rig *rig, int wheel, bool connected)
     drive_bridges(rig);
 }
 
+void rig_hold_wheel(struct rig *rig, int wheel, double torque_nm)
+{
+    advance_plant(rig, board_time_ps(rig->board));
+    if (rig->plant != NULL) {
+        plant_hold_wheel(rig->plant, wheel, torque_nm);
+    }
+}
+
 void rig_battery_sense_connected(struct rig *rig, bool connected)
 {
     rig->sense_connected = connected;

@@ -56,6 +56,7 @@ double rig_led(const struct rig *rig);
 void rig_encoder_fault(struct rig *rig, int wheel, enum rig_encoder_fault fault);
 void rig_swap_motors(struct rig *rig, bool swapped); /* each bridge drives the other wheel's motor */
 void rig_motor_connected(struct rig *rig, int wheel, bool connected);
+void rig_hold_wheel(struct rig *rig, int wheel, double torque_nm); /* a hand or a kerb; 0 lets go */
 void rig_battery_sense_connected(struct rig *rig,
                                  bool connected); /* the divider loses the battery, motors keep it */
 void rig_bench_voltage(struct rig *rig,

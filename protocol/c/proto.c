@@ -235,6 +235,52 @@ bool proto_status_reply_decode(struct proto_status_reply *to, const uint8_t *in,
     return true;
 }
 
+size_t proto_fault_record_reply_encode(const struct proto_fault_record_reply *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_FAULT_RECORD_REPLY_SIZE) {
+        return 0;
+    }
+    put_u8(out + 0, from->present);
+    put_u8(out + 1, from->exception);
+    put_u8(out + 2, from->has_frame);
+    put_u32(out + 3, from->count);
+    put_u32(out + 7, from->r0);
+    put_u32(out + 11, from->r1);
+    put_u32(out + 15, from->r2);
+    put_u32(out + 19, from->r3);
+    put_u32(out + 23, from->r12);
+    put_u32(out + 27, from->lr);
+    put_u32(out + 31, from->pc);
+    put_u32(out + 35, from->xpsr);
+    put_u32(out + 39, from->cfsr);
+    put_u32(out + 43, from->hfsr);
+    put_u32(out + 47, from->mmfar);
+    put_u32(out + 51, from->bfar);
+    return PROTO_FAULT_RECORD_REPLY_SIZE;
+}
+
+bool proto_fault_record_reply_decode(struct proto_fault_record_reply *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_FAULT_RECORD_REPLY_SIZE) {
+        return false;
+    }
+    to->present = get_u8(in + 0);
+    to->exception = get_u8(in + 1);
+    to->has_frame = get_u8(in + 2);
+    to->count = get_u32(in + 3);
+    to->r0 = get_u32(in + 7);
+    to->r1 = get_u32(in + 11);
+    to->r2 = get_u32(in + 15);
+    to->r3 = get_u32(in + 19);
+    to->r12 = get_u32(in + 23);
+    to->lr = get_u32(in + 27);
+    to->pc = get_u32(in + 31);
+    to->xpsr = get_u32(in + 35);
+    to->cfsr = get_u32(in + 39);
+    to->hfsr = get_u32(in + 43);
+    to->mmfar = get_u32(in + 47);
+    to->bfar = get_u32(in + 51);
+    return true;
+}
+
 size_t proto_param_list_request_encode(const struct proto_param_list_request *from, uint8_t *out, size_t capacity) {
     if (capacity < PROTO_PARAM_LIST_REQUEST_SIZE) {
         return 0;
@@ -892,7 +938,7 @@ const char *proto_refusal_reason_name(unsigned value) {
 }
 
 const char *proto_fault_name(unsigned bit) {
-    static const char *const names[] = {"encoder_left_implausible", "encoder_right_implausible", "battery_unread", "battery_low", "host_silent", "loop_overrun", "clock_fallback", "parameter_store_damaged"};
+    static const char *const names[] = {"encoder_left_implausible", "encoder_right_implausible", "battery_unread", "battery_low", "host_silent", "loop_overrun", "clock_fallback", "parameter_store_damaged", "encoder_left_lost", "encoder_right_lost", "encoder_left_reversed", "encoder_right_reversed", "wheel_left_stalled", "wheel_right_stalled", "overspeed", "brown_out", "program_fault", "watchdog_reset", "sequence_damaged"};
     return bit >= PROTO_FAULT_COUNT ? "?" : names[bit];
 }
 
@@ -943,4 +989,6 @@ const struct proto_parameter_info proto_parameters[PROTO_PARAMETER_COUNT] = {
     {"battery_low_v", "V", PROTO_PARAMETER_KIND_REAL, 0.0f, 60.0f, 9.0f, 0xf5a0e6e1u},
     {"battery_hysteresis_v", "V", PROTO_PARAMETER_KIND_REAL, 0.0f, 5.0f, 0.5f, 0x8e67729cu},
     {"encoder_speed_max_mps", "m/s", PROTO_PARAMETER_KIND_REAL, 0.1f, 50.0f, 4.0f, 0xb1a5c447u},
+    {"overspeed_mps", "m/s", PROTO_PARAMETER_KIND_REAL, 0.1f, 50.0f, 2.0f, 0x83965e73u},
+    {"stall_effort", "effort", PROTO_PARAMETER_KIND_REAL, 0.05f, 1.0f, 0.25f, 0xe9bd13d9u},
 };

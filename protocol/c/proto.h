@@ -14,13 +14,14 @@
 #define PROTO_LOG_BLOCK_SIZE 512u
 #define PROTO_LOG_BLOCK_COUNT 160u
 #define PROTO_LOG_RECORD_VERSION 1u
-#define PROTO_SCHEMA_HASH 0x98903634u
+#define PROTO_SCHEMA_HASH 0x5efdaa96u
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
     PROTO_ID_HELLO = 0x01, /* who is there; answered whatever the versions. The frame format, this id, and the first 6 bytes each way never change */
     PROTO_ID_STATUS = 0x02, /* what the robot does now */
     PROTO_ID_CLEAR_FAULTS = 0x03, /* unlatch all faults whose cause is gone; refused with self_check_failed while one that stops is still present */
+    PROTO_ID_FAULT_RECORD = 0x04, /* registers of the last fault of the program, kept through resets until the power goes */
     PROTO_ID_PARAM_LIST = 0x10, /* one parameter's description and value */
     PROTO_ID_PARAM_GET = 0x11, /* one parameter's value */
     PROTO_ID_PARAM_SET = 0x12, /* change one parameter; only while the state is idle or stopped */
@@ -240,6 +241,29 @@ struct proto_status_reply {
 };
 size_t proto_status_reply_encode(const struct proto_status_reply *from, uint8_t *out, size_t capacity);
 bool proto_status_reply_decode(struct proto_status_reply *to, const uint8_t *in, size_t length);
+
+#define PROTO_FAULT_RECORD_REPLY_SIZE 55u
+/* reply: registers of the last fault of the program, kept through resets until the power goes */
+struct proto_fault_record_reply {
+    uint8_t present; /* 0: none since power-up, the rest is zero */
+    uint8_t exception; /* 2 clock failure (NMI), 3 HardFault to 6 UsageFault, 16 + n interrupt n (PM0214 section 2.3.2) */
+    uint8_t has_frame; /* 0: the stack was lost, r0 to xpsr mean nothing */
+    uint32_t count; /* faults since power-up */
+    uint32_t r0;
+    uint32_t r1;
+    uint32_t r2;
+    uint32_t r3;
+    uint32_t r12;
+    uint32_t lr; /* return address of the function that failed */
+    uint32_t pc; /* address of the instruction that failed */
+    uint32_t xpsr;
+    uint32_t cfsr; /* why (PM0214 section 4.4.10) */
+    uint32_t hfsr;
+    uint32_t mmfar; /* address, when cfsr says that it is valid */
+    uint32_t bfar; /* address, when cfsr says that it is valid */
+};
+size_t proto_fault_record_reply_encode(const struct proto_fault_record_reply *from, uint8_t *out, size_t capacity);
+bool proto_fault_record_reply_decode(struct proto_fault_record_reply *to, const uint8_t *in, size_t length);
 
 #define PROTO_PARAM_LIST_REQUEST_SIZE 2u
 /* one parameter's description and value */
@@ -535,9 +559,20 @@ enum proto_fault {
     PROTO_FAULT_LOOP_OVERRUN = 1u << 5, /* a control tick started before the one before had ended */
     PROTO_FAULT_CLOCK_FALLBACK = 1u << 6, /* the crystal did not start; the core runs from its internal oscillator (1 % clock error, baud rate included) */
     PROTO_FAULT_PARAMETER_STORE_DAMAGED = 1u << 7, /* the stored parameters cannot all be read: those in force are older ones or the defaults */
+    PROTO_FAULT_ENCODER_LEFT_LOST = 1u << 8, /* the left motor was driven and its encoder counted nothing, from the start or from one moment to the next */
+    PROTO_FAULT_ENCODER_RIGHT_LOST = 1u << 9, /* the right motor was driven and its encoder counted nothing, from the start or from one moment to the next */
+    PROTO_FAULT_ENCODER_LEFT_REVERSED = 1u << 10, /* the left encoder counts against the effort: its phases or the motor's leads are the wrong way round, or something stronger turns the wheel */
+    PROTO_FAULT_ENCODER_RIGHT_REVERSED = 1u << 11, /* the right encoder counts against the effort: its phases or the motor's leads are the wrong way round, or something stronger turns the wheel */
+    PROTO_FAULT_WHEEL_LEFT_STALLED = 1u << 12, /* the left wheel turned and then stood under stall_effort: something holds it, or its encoder failed while it turned slowly */
+    PROTO_FAULT_WHEEL_RIGHT_STALLED = 1u << 13, /* the right wheel turned and then stood under stall_effort: something holds it, or its encoder failed while it turned slowly */
+    PROTO_FAULT_OVERSPEED = 1u << 14, /* a wheel turned faster than overspeed_mps */
+    PROTO_FAULT_BROWN_OUT = 1u << 15, /* the board's own supply dipped and restarted it; what it did before is forgotten */
+    PROTO_FAULT_PROGRAM_FAULT = 1u << 16, /* the program failed, or its crystal stopped, and the board restarted; the registers were kept */
+    PROTO_FAULT_WATCHDOG_RESET = 1u << 17, /* the program hung and the watchdog restarted the board */
+    PROTO_FAULT_SEQUENCE_DAMAGED = 1u << 18, /* the sequence in memory no longer has the CRC that it was committed with */
 };
-#define PROTO_FAULT_COUNT 8u
-#define PROTO_FAULTS_THAT_STOP ((uint32_t)(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE | PROTO_FAULT_BATTERY_UNREAD | PROTO_FAULT_BATTERY_LOW | PROTO_FAULT_HOST_SILENT | PROTO_FAULT_LOOP_OVERRUN | PROTO_FAULT_PARAMETER_STORE_DAMAGED))
+#define PROTO_FAULT_COUNT 19u
+#define PROTO_FAULTS_THAT_STOP ((uint32_t)(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE | PROTO_FAULT_BATTERY_UNREAD | PROTO_FAULT_BATTERY_LOW | PROTO_FAULT_HOST_SILENT | PROTO_FAULT_LOOP_OVERRUN | PROTO_FAULT_PARAMETER_STORE_DAMAGED | PROTO_FAULT_ENCODER_LEFT_LOST | PROTO_FAULT_ENCODER_RIGHT_LOST | PROTO_FAULT_ENCODER_LEFT_REVERSED | PROTO_FAULT_ENCODER_RIGHT_REVERSED | PROTO_FAULT_WHEEL_LEFT_STALLED | PROTO_FAULT_WHEEL_RIGHT_STALLED | PROTO_FAULT_OVERSPEED | PROTO_FAULT_PROGRAM_FAULT | PROTO_FAULT_WATCHDOG_RESET | PROTO_FAULT_SEQUENCE_DAMAGED))
 const char *proto_fault_name(unsigned bit); /* bit: 0..31 */
 
 /* parameters: indices into proto_parameters and on the wire */
@@ -566,8 +601,10 @@ enum proto_parameter {
     PROTO_PARAMETER_BATTERY_LOW_V = 21, /* supply below which the wheels stop, V */
     PROTO_PARAMETER_BATTERY_HYSTERESIS_V = 22, /* supply must rise this far above battery_low_v before the fault can be cleared, V */
     PROTO_PARAMETER_ENCODER_SPEED_MAX_MPS = 23, /* wheel speed above which an encoder is not believed, m/s */
+    PROTO_PARAMETER_OVERSPEED_MPS = 24, /* wheel speed above which the wheels stop, m/s */
+    PROTO_PARAMETER_STALL_EFFORT = 25, /* effort that surely turns a free wheel: under it a wheel without counts is stalled or its encoder lost; above breakaway and scrub, effort */
 };
-#define PROTO_PARAMETER_COUNT 24u
+#define PROTO_PARAMETER_COUNT 26u
 struct proto_parameter_info {
     const char *name;
     const char *unit;

@@ -68,6 +68,12 @@ void hal_identity(struct hal_identity *out)
     *out = current->identity;
 }
 
+bool hal_fault_record(struct hal_fault_record *out)
+{
+    *out = current->fault_record;
+    return out->count != 0;
+}
+
 void hal_sense(struct hal_sample *out)
 {
     *out = current->sample;

@@ -9,6 +9,7 @@ enum { HAL_HOST_RECEIVE_SIZE = 8192, HAL_HOST_SEND_SIZE = 65536 };
 struct hal_host {
     struct hal_sample sample; /* what the core senses */
     struct hal_identity identity;
+    struct hal_fault_record fault_record; /* count 0: there was none */
     int16_t effort_e4[HAL_WHEELS]; /* what the bridges were told last */
     uint32_t drive_calls;
     uint32_t watchdog_feeds;

@@ -281,6 +281,10 @@ class VirtualRobot:
         """Pull or plug in a motor's cable."""
         self._library.rig_motor_connected(self._rig, wheel, connected)
 
+    def hold_wheel(self, wheel: int, torque_nm: float) -> None:
+        """Hold a wheel with dry friction at its axle, as a hand or a kerb does; 0 lets go."""
+        self._library.rig_hold_wheel(self._rig, wheel, torque_nm)
+
     def set_battery_sense_connected(self, connected: bool) -> None:
         """Break or mend the divider's wire: the ADC then sees 0 V while the motors keep their supply."""
         self._library.rig_battery_sense_connected(self._rig, connected)

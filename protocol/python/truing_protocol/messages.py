@@ -326,6 +326,89 @@ class ClearFaultsRequest:
         return Ack.unpack(payload)
 
 
+_FAULT_RECORD_REPLY = struct.Struct("<BBBIIIIIIIIIIIII")
+
+
+@dataclass(frozen=True, slots=True)
+class FaultRecordReply:
+    """Reply: registers of the last fault of the program, kept through resets until the power goes."""
+
+    SIZE: ClassVar[int] = 55
+
+    present: int  # 0: none since power-up, the rest is zero
+    exception: int  # 2 clock failure (NMI), 3 HardFault to 6 UsageFault, 16 + n interrupt n (PM0214 section 2.3.2)
+    has_frame: int  # 0: the stack was lost, r0 to xpsr mean nothing
+    count: int  # faults since power-up
+    r0: int
+    r1: int
+    r2: int
+    r3: int
+    r12: int
+    lr: int  # return address of the function that failed
+    pc: int  # address of the instruction that failed
+    xpsr: int
+    cfsr: int  # why (PM0214 section 4.4.10)
+    hfsr: int
+    mmfar: int  # address, when cfsr says that it is valid
+    bfar: int  # address, when cfsr says that it is valid
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _FAULT_RECORD_REPLY.pack(self.present, self.exception, self.has_frame, self.count, self.r0, self.r1, self.r2, self.r3, self.r12, self.lr, self.pc, self.xpsr, self.cfsr, self.hfsr, self.mmfar, self.bfar)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> FaultRecordReply:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 55, False, cls)
+        v = _FAULT_RECORD_REPLY.unpack_from(payload)
+        return cls(
+            present=v[0],
+            exception=v[1],
+            has_frame=v[2],
+            count=v[3],
+            r0=v[4],
+            r1=v[5],
+            r2=v[6],
+            r3=v[7],
+            r12=v[8],
+            lr=v[9],
+            pc=v[10],
+            xpsr=v[11],
+            cfsr=v[12],
+            hfsr=v[13],
+            mmfar=v[14],
+            bfar=v[15],
+        )
+
+
+_FAULT_RECORD_REQUEST = struct.Struct("<")
+
+
+@dataclass(frozen=True, slots=True)
+class FaultRecordRequest:
+    """Registers of the last fault of the program, kept through resets until the power goes."""
+
+    SIZE: ClassVar[int] = 0
+    ID: ClassVar[int] = 0x04
+    NAME: ClassVar[str] = "fault_record"
+    CHANGES: ClassVar[bool] = False
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _FAULT_RECORD_REQUEST.pack()
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> FaultRecordRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 0, False, cls)
+        return cls()
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> FaultRecordReply:
+        """Read this request's reply."""
+        return FaultRecordReply.unpack(payload)
+
+
 _PARAM_LIST_REPLY = struct.Struct("<HB32s12sffffBf")
 
 

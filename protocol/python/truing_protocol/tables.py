@@ -18,7 +18,7 @@ MAX_SEGMENTS: Final = 256
 LOG_BLOCK_SIZE: Final = 512
 LOG_BLOCK_COUNT: Final = 160
 LOG_RECORD_VERSION: Final = 1
-SCHEMA_HASH: Final = 0x98903634
+SCHEMA_HASH: Final = 0x5efdaa96
 REFUSAL_ID: Final = 0xff
 REPLY_BIT: Final = 0x80
 
@@ -77,6 +77,8 @@ PARAMETERS: Final[tuple[ParameterInfo, ...]] = (
     ParameterInfo(21, "battery_low_v", "V", ParameterKind.REAL, 0.0, 60.0, 9.0, "supply below which the wheels stop"),
     ParameterInfo(22, "battery_hysteresis_v", "V", ParameterKind.REAL, 0.0, 5.0, 0.5, "supply must rise this far above battery_low_v before the fault can be cleared"),
     ParameterInfo(23, "encoder_speed_max_mps", "m/s", ParameterKind.REAL, 0.1, 50.0, 4.0, "wheel speed above which an encoder is not believed"),
+    ParameterInfo(24, "overspeed_mps", "m/s", ParameterKind.REAL, 0.1, 50.0, 2.0, "wheel speed above which the wheels stop"),
+    ParameterInfo(25, "stall_effort", "effort", ParameterKind.REAL, 0.05, 1.0, 0.25, "effort that surely turns a free wheel: under it a wheel without counts is stalled or its encoder lost; above breakaway and scrub"),
 )
 
 FAULTS: Final[tuple[FaultInfo, ...]] = (
@@ -135,6 +137,83 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
         True,
         "the stored parameters cannot all be read: those in force are older ones or the defaults",
         "look at `truing params list`, put the values right (`truing params load --file` takes a copy), then `truing params save`",
+    ),
+    FaultInfo(
+        8,
+        "encoder_left_lost",
+        True,
+        "the left motor was driven and its encoder counted nothing, from the start or from one moment to the next",
+        "look whether the wheel can turn; then check the left encoder's plug and wires, and the left motor's",
+    ),
+    FaultInfo(
+        9,
+        "encoder_right_lost",
+        True,
+        "the right motor was driven and its encoder counted nothing, from the start or from one moment to the next",
+        "look whether the wheel can turn; then check the right encoder's plug and wires, and the right motor's",
+    ),
+    FaultInfo(
+        10,
+        "encoder_left_reversed",
+        True,
+        "the left encoder counts against the effort: its phases or the motor's leads are the wrong way round, or something stronger turns the wheel",
+        "with the wheels off the ground run `truing check`, which says what to change",
+    ),
+    FaultInfo(
+        11,
+        "encoder_right_reversed",
+        True,
+        "the right encoder counts against the effort: its phases or the motor's leads are the wrong way round, or something stronger turns the wheel",
+        "with the wheels off the ground run `truing check`, which says what to change",
+    ),
+    FaultInfo(
+        12,
+        "wheel_left_stalled",
+        True,
+        "the left wheel turned and then stood under stall_effort: something holds it, or its encoder failed while it turned slowly",
+        "free the wheel; if it turns by hand and its counts do not, check the left encoder",
+    ),
+    FaultInfo(
+        13,
+        "wheel_right_stalled",
+        True,
+        "the right wheel turned and then stood under stall_effort: something holds it, or its encoder failed while it turned slowly",
+        "free the wheel; if it turns by hand and its counts do not, check the right encoder",
+    ),
+    FaultInfo(
+        14,
+        "overspeed",
+        True,
+        "a wheel turned faster than overspeed_mps",
+        "check the supply's voltage, counts_per_rev and wheel_radius_m; on a robot that is meant to be this fast raise overspeed_mps",
+    ),
+    FaultInfo(
+        15,
+        "brown_out",
+        False,
+        "the board's own supply dipped and restarted it; what it did before is forgotten",
+        "charge the battery, check plugs and wire sizes, and feed the logic apart from the motors; clearing the fault forgets it",
+    ),
+    FaultInfo(
+        16,
+        "program_fault",
+        True,
+        "the program failed, or its crystal stopped, and the board restarted; the registers were kept",
+        "`truing faults` shows the record: report it with the firmware version, then clear the fault",
+    ),
+    FaultInfo(
+        17,
+        "watchdog_reset",
+        True,
+        "the program hung and the watchdog restarted the board",
+        "report this with the firmware version, then clear the fault",
+    ),
+    FaultInfo(
+        18,
+        "sequence_damaged",
+        True,
+        "the sequence in memory no longer has the CRC that it was committed with",
+        "clear the fault and upload the plan again; if it comes back, the board's memory is failing",
     ),
 )
 
