@@ -48,7 +48,7 @@ static int8_t sudden_end(int32_t recent, int32_t before)
 {
     const int32_t speed = before < 0 ? -before : before;
     const int32_t end = before < 0 ? -recent : recent;
-    const bool dense = 2 * end * WHEEL_WATCH_BEFORE_MS >= speed * WHEEL_WATCH_RECENT_MS;
+    const bool dense = 5 * end * WHEEL_WATCH_BEFORE_MS >= 3 * speed * WHEEL_WATCH_RECENT_MS;
     if (speed < fast_counts || !dense) {
         return 0;
     }
@@ -64,6 +64,13 @@ static void watch_standing(struct wheel_watch *watch, const struct tuning *tunin
         watch->place = counts;
         watch->moved = true;
         watch->standing_ms = 0;
+        watch->heading = away < 0 ? (int8_t)-1 : (int8_t)1;
+        watch->front = wrapped_difference(counts, watch->heading);
+    }
+    /* The last single count tells best how a motion ended; one phase alone gets no further than its dither.
+     */
+    if (watch->heading * wrapped_difference(counts, watch->front) > 0) {
+        watch->front = counts;
         watch->broken_ms = 0;
         watch->broken_off = sudden_end(recent, before);
     }

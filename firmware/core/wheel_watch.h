@@ -31,6 +31,8 @@ enum {
 struct wheel_watch {
     int32_t history[WHEEL_WATCH_HISTORY_MS]; /* counts of the last ticks, oldest at `next` */
     uint8_t next;
+    int32_t front;        /* the furthest count in the direction of the last motion */
+    int8_t heading;       /* that direction */
     int32_t place;        /* counts that the wheel has kept to, give or take the dither */
     uint16_t standing_ms; /* how long, under stall_effort */
     uint16_t broken_ms;   /* how long, under any effort along the motion, since counts broke off */

@@ -19,6 +19,7 @@ from truing.board_state import (
     format_f32,
 )
 from truing.errors import BoardRebooted, LinkTimeout, LogError, PlanError, Refused, TruingError
+from truing.fault_record import FaultRecord
 from truing.link.client import Client
 from truing.link.connect import VirtualOptions, open_stream
 from truing.link.handshake import BoardInfo, shake_hands
@@ -28,6 +29,7 @@ from truing.plan import Kind, Plan
 from truing_protocol import (
     PARAMETERS,
     ClearFaultsRequest,
+    FaultRecordRequest,
     LogEraseRequest,
     LogListReply,
     LogListRequest,
@@ -129,6 +131,10 @@ class Device:
     def clear_faults(self) -> None:
         """Unlatch all faults whose cause is gone."""
         self.client.request(ClearFaultsRequest())
+
+    def fault_record(self) -> FaultRecord | None:
+        """What the board kept of the last fault of its program since power-up; None: there was none."""
+        return FaultRecord.from_reply(self.client.request(FaultRecordRequest()))
 
     # ---- parameters
 

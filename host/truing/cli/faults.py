@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 import click
 
 from truing.cli.app import App
@@ -26,7 +28,11 @@ def command(app: App, clear: bool) -> None:
         if clear:
             device.clear_faults()
         status = device.status()
-    app.emit({"cleared": [f.name for f in before.latched if f not in status.latched]} | status.to_dict())
+        record = device.fault_record()
+    app.emit(
+        {"cleared": [f.name for f in before.latched if f not in status.latched]} | status.to_dict()
+        | {"fault_record": record and asdict(record)}
+    )
     if clear:
         names = ", ".join(fault.name for fault in before.latched) or "nothing was latched"
         app.say(f"cleared: {names}")
@@ -35,3 +41,7 @@ def command(app: App, clear: bool) -> None:
         app.say(f"  next: {fault.next_step}")
     if not status.active and not status.latched:
         app.say("no faults")
+    if record is not None:
+        app.say("what the board kept of the last fault of its program:")
+        for line in record.lines():
+            app.say(f"  {line}")

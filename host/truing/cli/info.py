@@ -20,8 +20,8 @@ def command(app: App) -> None:
       truing --port /dev/ttyUSB0 info
     """
     with app.open_device() as device:
-        info, status = device.info, device.status()
-    app.emit({"board": asdict(info), "status": status.to_dict()})
+        info, status, record = device.info, device.status(), device.fault_record()
+    app.emit({"board": asdict(info), "status": status.to_dict(), "fault_record": record and asdict(record)})
     battery = "not measured" if status.battery_v is None else f"{status.battery_v:.2f} V"
     app.say(f"{info.board_name}, firmware {info.firmware_version}, on {info.port}")
     app.say(f"  board id      {info.board_id}")
@@ -46,3 +46,5 @@ def command(app: App) -> None:
         kind = "latched, wheels stopped" if fault in status.latched else "active"
         app.say(f"  fault         {fault.name} ({kind}): {fault.cause}")
         app.say(f"    next:       {fault.next_step}")
+    for number, line in enumerate(record.lines() if record else []):
+        app.say(("  fault record  " if number == 0 else "                ") + line)

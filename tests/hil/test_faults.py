@@ -1,0 +1,328 @@
+"""Every fault of the schema is provoked on the flashed image, timed, and none of them comes by itself."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+import truing_protocol as tp
+from hil_sim import VirtualRobot
+from hil_sim.plant import RobotParameters
+from hil_sim.robot import EncoderFault, ResetCause
+from support.image_variable import member_offset
+from truing.device import Device
+from truing.errors import Refused
+from truing.link.client import Client
+from truing.link.virtual_stream import VirtualStream
+from truing.plan import Plan, built_in_names, load_plan
+
+BRAKE = ((1.0, 1.0), (1.0, 1.0))
+LEFT, RIGHT = 0, 1
+
+
+def host(robot: VirtualRobot) -> Device:
+    if robot.time_us < 300_000:
+        robot.run_us(300_000 - robot.time_us)
+    return Device(Client(VirtualStream(robot)))
+
+
+@pytest.fixture
+def robot(image: Path, native_library: Path) -> Iterator[VirtualRobot]:
+    with VirtualRobot(image) as fresh:
+        yield fresh
+
+
+def start(device: Device, kind: tp.SegmentKind, a: float, b: float, ms: int = 20_000) -> None:
+    segment = tp.Segment(kind, ms, a, b)
+    crc = zlib.crc32(segment.pack())
+    device.client.request(tp.SeqBeginRequest(1, 20))
+    device.client.request(tp.SeqSegmentsRequest(0, (segment,)))
+    device.client.request(tp.SeqCommitRequest(crc))
+    device.client.request(tp.SeqStartRequest(crc))
+    device.client.stream.sleep(0.002)
+
+
+def until_braked(robot: VirtualRobot, limit_ms: int = 3000) -> float:
+    """Milliseconds until both bridges brake."""
+    began = robot.time_us
+    while (robot.bridge(LEFT), robot.bridge(RIGHT)) != BRAKE:
+        robot.run_us(100)
+        assert robot.time_us - began < limit_ms * 1000, "the wheels were never stopped"
+    return (robot.time_us - began) / 1000
+
+
+def latched(device: Device) -> set[str]:
+    return {fault.name for fault in device.status().latched}
+
+
+def clear_and_drive(device: Device) -> None:
+    """Nothing moves until the fault is cleared by its own command; then it drives."""
+    with pytest.raises(Refused) as refused:
+        device.set_effort(0.2, 0.2)
+    assert refused.value.reason == "fault_latched"
+    device.stop()
+    assert device.status().state == tp.State.STOPPED
+    device.clear_faults()
+    assert device.status().state == tp.State.IDLE
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What the robot does when something breaks."""
+
+    kind: tp.SegmentKind
+    left: float
+    right: float
+    after_s: float = 1.0
+
+
+CRUISE = Drive(tp.SegmentKind.VELOCITY, 0.35, 0.35)
+CRAWL = Drive(tp.SegmentKind.VELOCITY, 0.10, 0.10)
+FAST = Drive(tp.SegmentKind.VELOCITY, 0.60, 0.60)
+PUSH = Drive(tp.SegmentKind.EFFORT, 0.40, 0.40)
+FROM_REST = Drive(tp.SegmentKind.VELOCITY, 0.35, 0.35, after_s=0.0)
+PUSH_FROM_REST = Drive(tp.SegmentKind.EFFORT, 0.40, 0.40, after_s=0.0)
+
+
+def fault(wheel: int, kind: EncoderFault) -> Callable[[VirtualRobot], None]:
+    return lambda robot: robot.set_encoder_fault(wheel, kind)
+
+
+UNPLUGGED, REVERSED = EncoderFault.UNPLUGGED, EncoderFault.REVERSED
+PHASE_A, PHASE_B = EncoderFault.PHASE_A_DROPPED, EncoderFault.PHASE_B_DROPPED
+PROVOKED = [
+    ("encoder_left_lost", "unplugged, 0.35 m/s", CRUISE, fault(LEFT, UNPLUGGED), 70),
+    ("encoder_right_lost", "unplugged, 0.60 m/s", FAST, fault(RIGHT, UNPLUGGED), 70),
+    ("encoder_right_lost", "disc loose, 40 % effort", PUSH, fault(RIGHT, EncoderFault.FROZEN), 70),
+    ("encoder_left_lost", "phase A dropped, 0.35 m/s", CRUISE, fault(LEFT, PHASE_A), 70),
+    ("encoder_right_lost", "phase B dropped, 0.35 m/s", CRUISE, fault(RIGHT, PHASE_B), 70),
+    ("encoder_left_lost", "unplugged from the start", FROM_REST, fault(LEFT, UNPLUGGED), 300),
+    ("encoder_left_lost", "unplugged from the start, effort", PUSH_FROM_REST, fault(LEFT, UNPLUGGED), 300),
+    ("encoder_left_reversed", "reversed at 0.35 m/s", CRUISE, fault(LEFT, REVERSED), 50),
+    ("encoder_right_reversed", "reversed at 0.60 m/s", FAST, fault(RIGHT, REVERSED), 50),
+    ("encoder_right_reversed", "reversed at 0.10 m/s", CRAWL, fault(RIGHT, REVERSED), 50),
+    ("encoder_left_reversed", "reversed from the start", FROM_REST, fault(LEFT, REVERSED), 50),
+    ("encoder_right_reversed", "reversed, effort, from rest", PUSH_FROM_REST, fault(RIGHT, REVERSED), 100),
+    ("wheel_left_stalled", "held at 0.35 m/s", CRUISE, lambda r: r.hold_wheel(LEFT, 3.0), 550),
+    ("wheel_right_stalled", "held at 40 % effort", PUSH, lambda r: r.hold_wheel(RIGHT, 3.0), 550),
+    ("battery_low", "sense wire off", CRUISE, lambda r: r.set_battery_sense_connected(False), 300),
+    ("battery_low", "supply at 8.5 V", CRUISE, lambda r: r.set_bench_voltage(8.5), 300),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "how", "drive", "happens", "limit_ms"), PROVOKED, ids=[f"{p[0]}: {p[1]}" for p in PROVOKED]
+)
+def test_a_fault_that_is_provoked_stops_the_wheels_in_time_and_is_named(
+    robot: VirtualRobot,
+    name: str,
+    how: str,
+    drive: Drive,
+    happens: Callable[[VirtualRobot], None],
+    limit_ms: int,
+) -> None:
+    device = host(robot)
+    if drive.after_s == 0.0:
+        happens(robot)
+    start(device, drive.kind, drive.left, drive.right)
+    robot.run_us(round(drive.after_s * 1e6))
+    assert device.status().state == tp.State.SEQUENCE
+    if drive.after_s:
+        happens(robot)
+    took_ms = until_braked(robot)
+    print(f"{name:24} {how:34} {took_ms:6.1f} ms")
+    robot.run_us(50_000)
+    assert latched(device) == {name}
+    assert took_ms <= limit_ms
+    robot.set_encoder_fault(LEFT, EncoderFault.GOOD)
+    robot.set_encoder_fault(RIGHT, EncoderFault.GOOD)
+    robot.hold_wheel(LEFT, 0.0)
+    robot.hold_wheel(RIGHT, 0.0)
+    robot.set_battery_sense_connected(True)
+    robot.set_bench_voltage(None)
+    robot.run_us(800_000)
+    clear_and_drive(device)
+
+
+def test_a_supply_that_makes_the_wheels_too_fast_stops_them(image: Path, native_library: Path) -> None:
+    strong = RobotParameters.msrp().changed(battery__full_v=24.0, battery__empty_v=22.0)
+    with VirtualRobot(image, robot=strong) as robot:
+        device = host(robot)
+        start(device, tp.SegmentKind.EFFORT, 1.0, 1.0)
+        until_braked(robot)
+        speed = robot.truth().speed_mps
+        print(f"overspeed: stopped at {speed:.2f} m/s")
+        assert latched(device) == {"overspeed"}
+        assert speed < 2.3
+
+
+def test_a_silent_host_stops_the_wheels(robot: VirtualRobot) -> None:
+    device = host(robot)
+    device.set_effort(0.3, 0.3)
+    robot.run_us(1500)
+    took_ms = until_braked(robot)
+    print(f"host_silent: {took_ms:.0f} ms")
+    assert 490 <= took_ms <= 510
+    assert latched(device) == {"host_silent"}
+    clear_and_drive(device)
+
+
+def test_a_brown_out_is_named_after_the_restart_and_forgotten_on_command(robot: VirtualRobot) -> None:
+    device = host(robot)
+    start(device, tp.SegmentKind.EFFORT, 0.3, 0.3)
+    robot.run_us(500_000)
+    robot.reset(ResetCause.BROWNOUT)
+    robot.run_us(1_000_000)
+    assert (robot.bridge(LEFT), robot.bridge(RIGHT)) == BRAKE
+    device = host(robot)
+    assert device.info.reset_cause == "brown_out"
+    assert [fault.name for fault in device.status().active] == ["brown_out"]
+    assert device.status().state == tp.State.IDLE
+    device.clear_faults()
+    assert device.status().active == ()
+
+
+def test_a_power_cycle_is_no_brown_out(robot: VirtualRobot) -> None:
+    host(robot)
+    robot.power_cycle()
+    robot.run_us(400_000)
+    device = host(robot)
+    assert device.info.reset_cause == "power_on"
+    assert device.status().active == ()
+
+
+def test_a_program_fault_keeps_its_registers_through_the_reset_and_forbids_to_move(
+    robot: VirtualRobot, image: Path
+) -> None:
+    device = host(robot)
+    assert device.fault_record() is None
+    start(device, tp.SegmentKind.EFFORT, 0.3, 0.3)
+    robot.run_us(500_000)
+    # A sequence that claims to be longer than memory sends its check where there is none.
+    write_sequence(robot, image, "audited", struct.pack("<H", 60_000))
+    write_sequence(robot, image, "segment_count", struct.pack("<H", 65_535))
+    took_ms = until_braked(robot)
+    print(f"program_fault: {took_ms:.1f} ms")
+    robot.run_us(1_000_000)
+    device = host(robot)
+    assert device.info.reset_cause == "software"
+    assert latched(device) == {"program_fault"}
+    record = device.fault_record()
+    assert record is not None
+    assert record.exception == "BusFault"
+    assert record.address is not None
+    assert record.address > 0x20020000
+    assert "data read or written at a dead address" in record.reasons
+    at, size = robot.symbol("sequence_audit")
+    assert any(at <= place < at + size + 400 for place in (record.pc, record.lr))
+    print("\n".join(record.lines()))
+    clear_and_drive(device)
+    assert device.fault_record() == record
+    robot.reset(ResetCause.PIN)
+    robot.run_us(300_000)
+    assert latched(host(robot)) == set()
+
+
+def write_sequence(robot: VirtualRobot, image: Path, member: str, data: bytes) -> None:
+    address, _ = robot.symbol("controller")
+    offset, _ = member_offset(image, "controller", "robot", "sequence", member)
+    robot.write_memory(address + offset, data)
+
+
+def test_a_sequence_that_changes_in_memory_is_stopped(robot: VirtualRobot, image: Path) -> None:
+    device = host(robot)
+    start(device, tp.SegmentKind.EFFORT, 0.3, 0.3)
+    robot.run_us(500_000)
+    write_sequence(robot, image, "segments", b"\x01")
+    took_ms = until_braked(robot)
+    print(f"sequence_damaged: {took_ms:.1f} ms")
+    assert took_ms < 10
+    assert latched(device) == {"sequence_damaged"}
+    clear_and_drive(device)
+
+
+def test_a_program_that_hangs_is_named_after_the_restart(robot: VirtualRobot) -> None:
+    device = host(robot)
+    start(device, tp.SegmentKind.EFFORT, 0.3, 0.3)
+    head = struct.unpack("<I", robot.read_memory(robot.symbol("rx_head")[0], 4))[0]
+    robot.write_memory(robot.symbol("rx_tail")[0], struct.pack("<I", (head + 1) & 0xFFFFFFFF))
+    took_ms = until_braked(robot)
+    print(f"watchdog_reset: {took_ms:.0f} ms")
+    robot.run_us(1_000_000)
+    device = host(robot)
+    assert latched(device) == {"watchdog_reset"}
+    clear_and_drive(device)
+
+
+@pytest.mark.parametrize("hold_ms", [100, 250])
+@pytest.mark.parametrize("drive", [CRUISE, PUSH], ids=["velocity", "effort"])
+def test_a_wheel_that_is_held_for_a_moment_drives_on(robot: VirtualRobot, drive: Drive, hold_ms: int) -> None:
+    device = host(robot)
+    start(device, drive.kind, drive.left, drive.right)
+    robot.run_us(1_000_000)
+    robot.hold_wheel(LEFT, 3.0)
+    robot.run_us(hold_ms * 1000)
+    robot.hold_wheel(LEFT, 0.0)
+    robot.run_us(1_000_000)
+    assert device.status().state == tp.State.SEQUENCE
+    assert latched(device) == set()
+
+
+REVERSALS = [
+    (tp.SegmentKind.EFFORT, 1.0, 1.0),
+    (tp.SegmentKind.EFFORT, 1.0, -1.0),
+    (tp.SegmentKind.EFFORT, 0.2, 0.6),
+    (tp.SegmentKind.EFFORT, 0.3, 0.0),
+    (tp.SegmentKind.VELOCITY, 0.6, 0.6),
+    (tp.SegmentKind.VELOCITY, 0.6, -0.6),
+    (tp.SegmentKind.VELOCITY, 0.05, 0.4),
+    (tp.SegmentKind.VELOCITY, 0.3, 0.0),
+]
+
+
+@pytest.mark.parametrize("payload", [1.0, 4.0], ids=["5 kg", "20 kg"])
+def test_reversals_at_any_moment_trip_nothing(image: Path, native_library: Path, payload: float) -> None:
+    robot = RobotParameters.msrp()
+    heavy = robot.changed(chassis__mass_kg=5.0 * payload, chassis__yaw_inertia_kgm2=0.06 * payload)
+    segments = tuple(
+        tp.Segment(kind, ms, sign * a, sign * b)
+        for ms in (130, 420, 1100)
+        for kind, a, b in REVERSALS
+        for sign in (1, -1, 1)
+    )
+    crc = zlib.crc32(b"".join(segment.pack() for segment in segments))
+    with VirtualRobot(image, robot=heavy) as virtual:
+        device = host(virtual)
+        device.client.request(tp.SeqBeginRequest(len(segments), 20))
+        for first in range(0, len(segments), 60):
+            device.client.request(tp.SeqSegmentsRequest(first, segments[first : first + 60]))
+        device.client.request(tp.SeqCommitRequest(crc))
+        device.client.request(tp.SeqStartRequest(crc))
+        while device.status().state == tp.State.SEQUENCE:
+            virtual.run_us(100_000)
+        at = device.sequence_state()
+        assert latched(device) == set(), segments[at.current_segment]
+        assert at.sequence_state == tp.SequenceState.DONE
+
+
+def test_no_plan_that_truing_brings_along_trips_a_fault(image: Path, native_library: Path) -> None:
+    plans = [load_plan(name) for name in built_in_names()]
+    assert len(plans) == 18
+    for plan in plans:
+        assert faults_of(image, plan) == set(), plan.name
+    print(f"{len(plans)} plans, no fault")
+
+
+def faults_of(image: Path, plan: Plan, robot: RobotParameters | None = None) -> set[str]:
+    with VirtualRobot(image, robot=robot) as virtual:
+        device = host(virtual)
+        device.start(device.upload(plan))
+        while device.status().state == tp.State.SEQUENCE:
+            virtual.run_us(200_000)
+        status = device.status()
+        return {fault.name for fault in status.latched + status.active}
