@@ -1,0 +1,263 @@
+/* Random commands, faults and time through the whole controller: what must hold in every state, and which
+ * states lead to which. With --edges the program prints the edges only. */
+#include <stdio.h>
+
+#include "bench.h"
+#include "random.h"
+
+enum { STEPS = 4000000, STATES = 4 };
+
+static bool edges[STATES][STATES];
+static uint32_t fault_seen; /* latched at some time */
+static uint32_t visits[STATES];
+static uint32_t stops_obeyed;
+static int32_t jump[HAL_WHEELS];
+static bool frozen[HAL_WHEELS];
+static bool backwards[HAL_WHEELS];
+static double held_m[HAL_WHEELS];
+
+void setUp(void)
+{
+}
+
+void tearDown(void)
+{
+}
+
+static uint8_t state(void)
+{
+    return bench.controller.robot.supervisor.state;
+}
+
+static float random_between(float low, float high)
+{
+    return low + (high - low) * (float)random_below(10001) / 10000.0f;
+}
+
+/* What the encoders say: the motors' travel, unless something is broken. */
+static void sense(void)
+{
+    for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        const double before = bench.motor[wheel].travel_m;
+        bench_turn_motor(&bench.motor[wheel], bench.board.effort_e4[wheel] / 10000.0);
+        const double moved = bench.motor[wheel].travel_m - before;
+        if (!frozen[wheel]) {
+            held_m[wheel] += backwards[wheel] ? -moved : moved;
+        }
+        bench.board.sample.counts[wheel] =
+            (int32_t)floor(held_m[wheel] / bench_metres_per_count()) + jump[wheel];
+    }
+}
+
+static void note_edge(uint8_t before)
+{
+    edges[before][state()] = true;
+    visits[state()]++;
+    fault_seen |= bench.controller.robot.supervisor.latched;
+}
+
+/* Nothing that commands effort while a stop is latched, or while idle. */
+static void assert_safe(void)
+{
+    if (state() == PROTO_STATE_STOPPED || state() == PROTO_STATE_IDLE) {
+        TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
+        TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[1]);
+    }
+    const bool latched = bench.controller.robot.supervisor.latched != 0;
+    TEST_ASSERT_EQUAL(latched, state() == PROTO_STATE_STOPPED);
+    TEST_ASSERT_EQUAL_HEX32(0, bench.controller.robot.supervisor.latched & ~PROTO_FAULTS_THAT_STOP);
+}
+
+static void tick(void)
+{
+    const uint8_t before = state();
+    sense();
+    controller_tick(&bench.controller);
+    note_edge(before);
+    assert_safe();
+    const uint8_t between = state();
+    controller_poll(&bench.controller);
+    note_edge(between);
+    assert_safe();
+}
+
+static void upload_something(void)
+{
+    struct proto_segment segments[4];
+    const size_t count = 1 + random_below(4);
+    for (size_t i = 0; i < count; i++) {
+        segments[i] = (struct proto_segment){
+            .kind = (uint8_t)random_below(3),
+            .duration_ms = 1 + random_below(400),
+            .a = random_between(-0.8f, 0.8f),
+            .b = random_between(-0.8f, 0.8f),
+        };
+    }
+    if (state() != PROTO_STATE_SEQUENCE) {
+        (void)bench_upload(segments, count, 0);
+    }
+}
+
+static void command(void)
+{
+    const uint8_t before = state();
+    switch (random_below(8)) {
+    case 0:
+        bench_set_effort(random_between(-1.1f, 1.1f), random_between(-1.1f, 1.1f));
+        break;
+    case 1:
+        bench_set_velocity(random_between(-1.6f, 1.6f), random_between(-1.6f, 1.6f));
+        break;
+    case 2:
+        bench_stop();
+        bench_expect_accepted();
+        TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
+        TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[1]);
+        TEST_ASSERT_TRUE(state() == PROTO_STATE_IDLE || state() == PROTO_STATE_STOPPED);
+        stops_obeyed++;
+        break;
+    case 3:
+    case 4:
+        bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+        break;
+    case 5:
+        upload_something();
+        break;
+    case 6:
+        bench_ask_u32(PROTO_ID_SEQ_START, bench.controller.robot.sequence.crc);
+        break;
+    default:
+        bench_ask(PROTO_ID_SEQ_ABORT, NULL, 0);
+        break;
+    }
+    note_edge(before);
+    assert_safe();
+}
+
+static void break_or_mend(void)
+{
+    const int wheel = (int)random_below(HAL_WHEELS);
+    switch (random_below(14)) {
+    case 0:
+    case 9:
+        bench.board.sample.battery_mv = 8000;
+        break;
+    case 1:
+        bench.board.sample.battery_valid = random_below(3) != 0;
+        break;
+    case 2:
+        frozen[wheel] = true;
+        break;
+    case 3:
+        backwards[wheel] = true;
+        break;
+    case 4:
+        jump[wheel] += (int32_t)random_below(2000) - 1000;
+        break;
+    case 5:
+        controller_note_overrun(&bench.controller);
+        break;
+    case 6:
+        bench.controller.robot.sequence.segments[0].duration_ms ^= 1u << random_below(8);
+        break;
+    case 7:
+        bench.motor[wheel].friction = 2.0; /* held */
+        break;
+    case 8:
+        bench.motor[wheel].gain_mps = 2.6; /* a stronger supply */
+        break;
+    case 10:
+        bench.controller.robot.supervisor.store_damaged = true;
+        break;
+    default:
+        bench.controller.robot.supervisor.store_damaged = false;
+        bench.board.sample.battery_mv = 12000;
+        bench.board.sample.battery_valid = true;
+        for (int i = 0; i < HAL_WHEELS; i++) {
+            frozen[i] = false;
+            backwards[i] = false;
+            bench.motor[i].friction = 0.02;
+            bench.motor[i].gain_mps = 1.5;
+        }
+        break;
+    }
+}
+
+/* Now and then the board starts anew, after whatever can precede a start. */
+static void start_anew(void)
+{
+    static const uint8_t causes[] = {0x0E, 0x24, 0x14, 0x06, 0x04};
+    struct hal_identity *const identity = &bench.board.identity;
+    identity->reset_cause = causes[random_below(sizeof causes)];
+    identity->program_fault = random_below(4) == 0;
+    identity->clock_fallback = random_below(4) == 0;
+    controller_init(&bench.controller);
+    note_edge(state());
+    assert_safe();
+}
+
+static void run(void)
+{
+    random_seed(2026);
+    bench_power_up();
+    for (int step = 0; step < STEPS; step++) {
+        if (random_below(120) == 0) {
+            command();
+        }
+        if (random_below(200) == 0) {
+            break_or_mend();
+        }
+        if (random_below(20000) == 0) {
+            start_anew();
+        }
+        tick();
+    }
+}
+
+static void no_state_commands_effort_while_a_stop_is_latched_and_every_stop_is_obeyed(void)
+{
+    run();
+    TEST_ASSERT_TRUE(stops_obeyed > 500);
+    for (int i = 0; i < STATES; i++) {
+        TEST_ASSERT_TRUE_MESSAGE(visits[i] > 1000, proto_state_name((unsigned)i));
+    }
+}
+
+static void every_fault_that_stops_was_latched_on_the_way(void)
+{
+    for (unsigned bit = 0; bit < PROTO_FAULT_COUNT; bit++) {
+        if (supervisor_row(bit).stops) {
+            TEST_ASSERT_TRUE_MESSAGE((fault_seen & 1u << bit) != 0, proto_fault_name(bit));
+        }
+    }
+}
+
+static void print_edges(void)
+{
+    for (unsigned from = 0; from < STATES; from++) {
+        for (unsigned to = 0; to < STATES; to++) {
+            if (from != to && edges[from][to]) {
+                printf("edge %s %s\n", proto_state_name(from), proto_state_name(to));
+            }
+        }
+    }
+    static const char *const clears[] = {"when gone", "at once", "never"};
+    for (unsigned bit = 0; bit < PROTO_FAULT_COUNT; bit++) {
+        const struct supervisor_row row = supervisor_row(bit);
+        printf("fault %s | %u | %s | %s\n", proto_fault_name(bit), (unsigned)row.hold_ms,
+               row.stops ? "yes" : "no", clears[row.clears]);
+    }
+}
+
+int main(int count, char **arguments)
+{
+    if (count > 1 && strcmp(arguments[1], "--edges") == 0) {
+        run();
+        print_edges();
+        return 0;
+    }
+    UNITY_BEGIN();
+    RUN_TEST(no_state_commands_effort_while_a_stop_is_latched_and_every_stop_is_obeyed);
+    RUN_TEST(every_fault_that_stops_was_latched_on_the_way);
+    return UNITY_END();
+}
