@@ -164,7 +164,7 @@ static void break_or_mend(void)
         bench.motor[wheel].friction = 2.0; /* held */
         break;
     case 8:
-        bench.motor[wheel].gain_mps = 2.6; /* a stronger supply */
+        bench.motor[wheel].gain_mps = 3.8; /* a stronger supply */
         break;
     case 10:
         bench.controller.robot.supervisor.store_damaged = true;
