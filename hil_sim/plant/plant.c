@@ -79,6 +79,13 @@ void plant_hold_wheel(struct plant *plant, int wheel, double torque_nm)
     }
 }
 
+void plant_turn_wheel(struct plant *plant, int wheel, double angle_rad)
+{
+    if (is_wheel(wheel)) {
+        plant->angle_rad[wheel] += angle_rad;
+    }
+}
+
 static double dry_impulse(const struct plant_wheel_params *wheel, double rim_speed, double hold_nm)
 {
     const double torque = friction_limit_nm(&wheel->friction, rim_speed / wheel->radius_m) + hold_nm;

@@ -119,6 +119,9 @@ int64_t plant_encoder_position(const struct plant *plant, int wheel);
 /* Holds a wheel by dry friction of this torque at its axle, as a hand or a kerb does; 0 lets go. */
 void plant_hold_wheel(struct plant *plant, int wheel, double torque_nm);
 
+/* Turns a lifted wheel by hand; the robot stays where it is. */
+void plant_turn_wheel(struct plant *plant, int wheel, double angle_rad);
+
 /* Terminal voltage with the sense line's noise. */
 double plant_battery_v(const struct plant *plant);
 

@@ -32,6 +32,7 @@ struct rig {
         enum rig_encoder_fault fault;
         int64_t offset; /* keeps the counts continuous when a fault comes or goes */
     } encoder[RIG_WHEELS];
+    bool encoders_swapped;
     bool swapped, motor_connected[RIG_WHEELS], sense_connected;
     double bench_v, link_baud;
     struct sent_byte *sent;
@@ -104,8 +105,9 @@ static int64_t encoder_position(void *context, int encoder, uint64_t time_ps)
 {
     struct rig *r = context;
     advance_plant(r, time_ps);
-    int64_t position =
-        r->plant == NULL || encoder >= RIG_WHEELS ? 0 : plant_encoder_position(r->plant, encoder);
+    int64_t position = r->plant == NULL || encoder >= RIG_WHEELS
+                           ? 0
+                           : plant_encoder_position(r->plant, r->encoders_swapped ? 1 - encoder : encoder);
     return as_wired(r->encoder[encoder].fault, position) + r->encoder[encoder].offset;
 }
 
@@ -296,6 +298,27 @@ void rig_motor_connected(struct rig *rig, int wheel, bool connected)
     advance_plant(rig, board_time_ps(rig->board));
     rig->motor_connected[wheel] = connected;
     drive_bridges(rig);
+}
+
+void rig_turn_wheel(struct rig *rig, int wheel, double angle_rad)
+{
+    advance_plant(rig, board_time_ps(rig->board));
+    if (rig->plant != NULL) {
+        plant_turn_wheel(rig->plant, wheel, angle_rad);
+    }
+}
+
+void rig_swap_encoders(struct rig *rig, bool swapped)
+{
+    const uint64_t now_ps = board_time_ps(rig->board);
+    int64_t before[RIG_WHEELS];
+    for (int wheel = 0; wheel < RIG_WHEELS; wheel++) {
+        before[wheel] = encoder_position(rig, wheel, now_ps);
+    }
+    rig->encoders_swapped = swapped;
+    for (int wheel = 0; wheel < RIG_WHEELS; wheel++) {
+        rig->encoder[wheel].offset += before[wheel] - encoder_position(rig, wheel, now_ps);
+    }
 }
 
 void rig_hold_wheel(struct rig *rig, int wheel, double torque_nm)

@@ -56,6 +56,8 @@ double rig_led(const struct rig *rig);
 void rig_encoder_fault(struct rig *rig, int wheel, enum rig_encoder_fault fault);
 void rig_swap_motors(struct rig *rig, bool swapped); /* each bridge drives the other wheel's motor */
 void rig_motor_connected(struct rig *rig, int wheel, bool connected);
+void rig_turn_wheel(struct rig *rig, int wheel, double angle_rad); /* by hand, lifted */
+void rig_swap_encoders(struct rig *rig, bool swapped); /* each encoder is plugged into the other input */
 void rig_hold_wheel(struct rig *rig, int wheel, double torque_nm); /* a hand or a kerb; 0 lets go */
 void rig_battery_sense_connected(struct rig *rig,
                                  bool connected); /* the divider loses the battery, motors keep it */

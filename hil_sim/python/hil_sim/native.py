@@ -53,6 +53,8 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rig_encoder_fault": (None, [_P, _INT, _INT]),
     "rig_swap_motors": (None, [_P, _BOOL]),
     "rig_motor_connected": (None, [_P, _INT, _BOOL]),
+    "rig_turn_wheel": (None, [_P, _INT, _DOUBLE]),
+    "rig_swap_encoders": (None, [_P, _BOOL]),
     "rig_hold_wheel": (None, [_P, _INT, _DOUBLE]),
     "rig_battery_sense_connected": (None, [_P, _BOOL]),
     "rig_bench_voltage": (None, [_P, _DOUBLE]),

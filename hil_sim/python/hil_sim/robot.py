@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import enum
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -280,6 +281,17 @@ class VirtualRobot:
     def set_motor_connected(self, wheel: int, connected: bool) -> None:
         """Pull or plug in a motor's cable."""
         self._library.rig_motor_connected(self._rig, wheel, connected)
+
+    def set_encoders_swapped(self, swapped: bool) -> None:
+        """Plug each encoder into the other one's input."""
+        self._library.rig_swap_encoders(self._rig, swapped)
+
+    def turn_by_hand(self, wheel: int, turns: float = 1.0, duration_s: float = 1.5) -> None:
+        """Turn a lifted wheel by hand, forward when `turns` is positive; takes virtual time."""
+        steps = round(duration_s * 2000)
+        for _ in range(steps):
+            self._library.rig_turn_wheel(self._rig, wheel, 2 * math.pi * turns / steps)
+            self.run_us(500)
 
     def hold_wheel(self, wheel: int, torque_nm: float) -> None:
         """Hold a wheel with dry friction at its axle, as a hand or a kerb does; 0 lets go."""
