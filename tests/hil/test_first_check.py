@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -114,10 +115,10 @@ def test_reversed_encoders_are_put_right_by_the_fix(robot: VirtualRobot) -> None
 
 
 def test_the_command_says_that_all_is_right_and_what_it_saw(native_library: Path, image: Path) -> None:
-    done = subprocess.run([sys.executable, "-m", "truing", "check"], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 0
+    command = [sys.executable, "-m", "truing", "check"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
     assert "motors, encoders and counts per revolution are right" in done.stdout
-    assert "left wheel turned by hand: left encoder +2400" in done.stderr
+    assert re.search(r"left wheel turned by hand: left encoder \+(2399|2400|2401), right \+0", done.stderr)
 
 
 @pytest.mark.parametrize("counts", [1200, 2000, 4800])

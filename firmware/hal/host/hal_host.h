@@ -10,7 +10,7 @@ struct hal_host {
     struct hal_sample sample; /* what the core senses */
     struct hal_identity identity;
     struct hal_fault_record fault_record; /* count 0: there was none */
-    int16_t effort_e4[HAL_WHEELS]; /* what the bridges were told last */
+    int16_t effort_e4[HAL_WHEELS];        /* what the bridges were told last */
     uint32_t drive_calls;
     uint32_t watchdog_feeds;
     uint32_t critical_depth;
