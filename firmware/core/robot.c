@@ -14,6 +14,7 @@ void robot_init(struct robot *robot, bool clock_fallback)
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
         robot->counts[wheel] = 0;
         wheel_speed_init(&robot->wheels[wheel], 0);
+        robot->speed[wheel] = (struct wheel_measure){0};
     }
     robot->odometry = (struct odometry){0};
     drive_init(&robot->drive);
@@ -46,8 +47,18 @@ static void sense(struct robot *robot)
         if (robot->speeds_stale) {
             wheel_speed_init(&robot->wheels[wheel], robot->counts[wheel]);
         }
-        wheel_speed_step(&robot->wheels[wheel], robot->counts[wheel]);
-        robot->view.speed_mps[wheel] = wheel_speed_mps(&robot->wheels[wheel], robot->tuning.metres_per_count);
+        const struct wheel_motion motion = {
+            .counts = robot->counts[wheel],
+            .now_us = robot->sample.now_us,
+            .edge_us = robot->sample.edge_us[wheel],
+            .edge_dated = robot->sample.edge_dated[wheel],
+        };
+        wheel_speed_step(&robot->wheels[wheel], &motion);
+        const float metres = robot->tuning.metres_per_count;
+        robot->speed[wheel] = robot->tuning.speed_from_edges
+                                  ? wheel_speed_from_edges(&robot->wheels[wheel], metres)
+                                  : wheel_speed_from_counts(&robot->wheels[wheel], metres);
+        robot->view.speed_mps[wheel] = wheel_speed_window_mps(&robot->wheels[wheel], metres);
         robot->view.still[wheel] = wheel_speed_is_still(&robot->wheels[wheel]);
     }
     robot->speeds_stale = false;
@@ -131,7 +142,7 @@ void robot_tick(struct robot *robot)
         view_sensors(robot, &view);
         recorder_open(&robot->recorder, &robot->log, &view);
     }
-    drive_step(&robot->drive, &robot->tuning, robot->view.speed_mps, robot->view.still);
+    drive_step(&robot->drive, &robot->tuning, robot->speed, robot->view.still);
 }
 
 static void end_drive(struct robot *robot)

@@ -29,6 +29,7 @@ struct robot {
     struct hal_sample sample;   /* of this tick */
     int32_t counts[HAL_WHEELS]; /* forward positive, since start-up, wrapping */
     struct wheel_speed wheels[HAL_WHEELS];
+    struct wheel_measure speed[HAL_WHEELS]; /* what velocity mode holds */
     struct odometry odometry;
     struct drive drive;
     struct sequence sequence;

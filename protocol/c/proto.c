@@ -943,4 +943,13 @@ const struct proto_parameter_info proto_parameters[PROTO_PARAMETER_COUNT] = {
     {"battery_low_v", "V", PROTO_PARAMETER_KIND_REAL, 0.0f, 60.0f, 9.0f, 0xf5a0e6e1u},
     {"battery_hysteresis_v", "V", PROTO_PARAMETER_KIND_REAL, 0.0f, 5.0f, 0.5f, 0x8e67729cu},
     {"encoder_speed_max_mps", "m/s", PROTO_PARAMETER_KIND_REAL, 0.1f, 50.0f, 4.0f, 0xb1a5c447u},
+    {"ff_ks_left_reverse", "effort", PROTO_PARAMETER_KIND_REAL, 0.0f, 1.0f, 0.02f, 0xfe803119u},
+    {"ff_ks_right_reverse", "effort", PROTO_PARAMETER_KIND_REAL, 0.0f, 1.0f, 0.02f, 0x8e80effeu},
+    {"ff_kv_left_reverse", "effort*s/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 100.0f, 0.66f, 0x7a235f74u},
+    {"ff_kv_right_reverse", "effort*s/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 100.0f, 0.66f, 0xbd075175u},
+    {"ff_ka_left_reverse", "effort*s^2/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 100.0f, 0.22f, 0x795cc9d8u},
+    {"ff_ka_right_reverse", "effort*s^2/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 100.0f, 0.22f, 0x6264c120u},
+    {"kick_effort", "effort", PROTO_PARAMETER_KIND_REAL, 0.0f, 1.0f, 0.0f, 0x519e816fu},
+    {"kick_limit_s", "s", PROTO_PARAMETER_KIND_REAL, 0.0f, 1.0f, 0.1f, 0x82da3553u},
+    {"speed_from_edges", "", PROTO_PARAMETER_KIND_FLAG, 0.0f, 1.0f, 1.0f, 0xa2af2052u},
 };

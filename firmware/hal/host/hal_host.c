@@ -70,6 +70,7 @@ void hal_identity(struct hal_identity *out)
 
 void hal_sense(struct hal_sample *out)
 {
+    current->sample.now_us += HAL_HOST_TICK_US;
     *out = current->sample;
 }
 
