@@ -32,6 +32,13 @@ void robot_init(struct robot *robot, bool clock_fallback)
     log_init(&robot->log);
 }
 
+/* Counts from `then` to `now`, forward positive. */
+static int32_t forward(const struct robot *robot, int wheel, int32_t now, int32_t then)
+{
+    return robot->tuning.encoder_reversed[wheel] ? wrapped_difference(then, now)
+                                                 : wrapped_difference(now, then);
+}
+
 /* Counts, speeds and pose of this tick. */
 static void sense(struct robot *robot)
 {
@@ -41,17 +48,18 @@ static void sense(struct robot *robot)
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
         const int32_t now = robot->sample.counts[wheel];
         const int32_t then = before.counts[wheel];
-        moved[wheel] = robot->tuning.encoder_reversed[wheel] ? wrapped_difference(then, now)
-                                                             : wrapped_difference(now, then);
+        moved[wheel] = forward(robot, wheel, now, then);
         robot->counts[wheel] = wrapped_sum(robot->counts[wheel], moved[wheel]);
         if (robot->speeds_stale) {
             wheel_speed_init(&robot->wheels[wheel], robot->counts[wheel]);
         }
+        const int32_t since_edge = forward(robot, wheel, now, robot->sample.edge_from[wheel]);
         const struct wheel_motion motion = {
             .counts = robot->counts[wheel],
             .now_us = robot->sample.now_us,
-            .edge_us = robot->sample.edge_us[wheel],
             .edge_dated = robot->sample.edge_dated[wheel],
+            .edge_us = robot->sample.edge_us[wheel],
+            .edge_from = wrapped_difference(robot->counts[wheel], since_edge),
         };
         wheel_speed_step(&robot->wheels[wheel], &motion);
         const float metres = robot->tuning.metres_per_count;

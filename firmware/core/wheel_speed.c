@@ -44,36 +44,42 @@ static int32_t counts_since(const struct wheel_speed *wheel, const struct wheel_
     return magnitude(wrapped_difference(wheel->edges[wheel->newest].place, edge->place));
 }
 
-/* The edge to measure from: the newest that lies a window and a quadrature period back, and from there on the
- * first of the same phase, if there is one. A period that takes too long is cut short. */
-static const struct wheel_edge *reference(const struct wheel_speed *wheel)
+static uint32_t span_us(const struct wheel_speed *wheel, uint32_t back)
 {
-    const uint32_t now_us = wheel->edges[wheel->newest].us;
-    const struct wheel_edge *best = edge_before(wheel, 1);
-    uint32_t beyond = 0;
-    for (uint32_t back = 1; back < wheel->edge_count && beyond < WHEEL_SPEED_PERIOD_COUNTS; back++) {
-        const struct wheel_edge *const edge = edge_before(wheel, back);
-        const uint32_t span_us = now_us - edge->us;
-        const int32_t counts = counts_since(wheel, edge);
-        if (back > 1 && span_us > PATIENCE_US) {
-            break;
-        }
-        if (span_us < WINDOW_US || counts < WHEEL_SPEED_PERIOD_COUNTS) {
-            best = edge;
-        } else if (counts % WHEEL_SPEED_PERIOD_COUNTS == 0) {
-            return edge;
-        } else {
-            best = beyond == 0 ? edge : best;
-            beyond++;
+    return wheel->edges[wheel->newest].us - edge_before(wheel, back)->us;
+}
+
+static bool is_enough(const struct wheel_speed *wheel, uint32_t back)
+{
+    return span_us(wheel, back) >= WINDOW_US &&
+           counts_since(wheel, edge_before(wheel, back)) >= WHEEL_SPEED_PERIOD_COUNTS;
+}
+
+/* How many edges back to measure from: to the newest that lies a window and a quadrature period back, and
+ * from there to the first of the same phase, if there is one. A period that takes too long is cut short. The
+ * search begins at the answer for the edge before, which is never far away. */
+static uint32_t reference(struct wheel_speed *wheel)
+{
+    const uint32_t oldest = wheel->edge_count - 1u;
+    uint32_t back = wheel->back + 1u < oldest ? wheel->back + 1u : oldest;
+    while (back > 1 && (span_us(wheel, back) > PATIENCE_US || is_enough(wheel, back - 1u))) {
+        back--;
+    }
+    wheel->back = (uint8_t)back;
+    for (uint32_t beyond = 0; beyond < WHEEL_SPEED_PERIOD_COUNTS && back + beyond <= oldest; beyond++) {
+        const int32_t counts = counts_since(wheel, edge_before(wheel, back + beyond));
+        if (counts % WHEEL_SPEED_PERIOD_COUNTS == 0 && span_us(wheel, back + beyond) <= PATIENCE_US) {
+            return back + beyond;
         }
     }
-    return best;
+    return back;
 }
 
 static void forget(struct wheel_speed *wheel)
 {
     wheel->direction = 0;
     wheel->edge_count = 0;
+    wheel->back = 0;
     wheel->known = false;
     wheel->counts_per_us = 0.0f;
     wheel->since_us = FORGET_US;
@@ -91,21 +97,22 @@ static void pass_edge(struct wheel_speed *wheel, struct wheel_edge edge, int8_t 
         wheel->edge_count++;
     }
     if (wheel->edge_count > 1) {
-        const struct wheel_edge *const from = reference(wheel);
-        const uint32_t span_us = edge.us - from->us;
-        if (span_us > 0) {
-            wheel->span_us = span_us;
-            wheel->counts_per_us = (float)counts_since(wheel, from) / (float)span_us;
+        const uint32_t back = reference(wheel);
+        const uint32_t span = span_us(wheel, back);
+        if (span > 0) {
+            wheel->span_us = span;
+            wheel->counts_per_us = (float)counts_since(wheel, edge_before(wheel, back)) / (float)span;
             wheel->known = true;
         }
     }
 }
 
 /* An edge that nobody dated is taken to be the last of this tick's, half its share of the tick ago. */
-static struct wheel_edge edge_of(const struct wheel_motion *motion, int32_t before, int32_t moved)
+static struct wheel_edge edge_of(const struct wheel_motion *motion, int32_t moved)
 {
-    if (motion->edge_dated) {
-        return (struct wheel_edge){.place = moved > 0 ? wrapped_sum(before, 1) : before,
+    const int32_t since = wrapped_difference(motion->counts, motion->edge_from);
+    if (motion->edge_dated && since != 0 && (since > 0) == (moved > 0)) {
+        return (struct wheel_edge){.place = moved > 0 ? wrapped_sum(motion->edge_from, 1) : motion->edge_from,
                                    .us = motion->edge_us};
     }
     const uint32_t doubt_us = TICK_US / 2u / (uint32_t)magnitude(moved);
@@ -131,7 +138,7 @@ static void follow_edges(struct wheel_speed *wheel, const struct wheel_motion *m
     wheel->counts = motion->counts;
     wheel->moved = 0.0f;
     if (moved != 0) {
-        pass_edge(wheel, edge_of(motion, before, moved), moved > 0 ? 1 : -1);
+        pass_edge(wheel, edge_of(motion, moved), moved > 0 ? 1 : -1);
     }
     if (wheel->direction == 0) {
         return;

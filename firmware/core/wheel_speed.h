@@ -30,8 +30,9 @@ enum {
 struct wheel_motion {
     int32_t counts;
     uint32_t now_us;
-    uint32_t edge_us; /* of the first edge since the tick before */
-    bool edge_dated;
+    bool edge_dated; /* one edge since the tick before: when it came, and the count that it left */
+    uint32_t edge_us;
+    int32_t edge_from;
 };
 
 /* An edge as a place: edge n lies between the counts n - 1 and n, from whichever side it is passed. */
@@ -58,6 +59,7 @@ struct wheel_speed {
     struct wheel_edge edges[WHEEL_SPEED_EDGES]; /* all passed in one direction, newest at `newest` */
     uint8_t newest;
     uint8_t edge_count;
+    uint8_t back;     /* edges between the newest and the one that is measured from */
     int8_t direction; /* 0 when no edge is known */
     bool known;       /* two edges have been passed in this direction */
     float counts_per_us;

@@ -19,8 +19,9 @@ enum { PIN_FUNCTION_TIM3_TIM4 = 2, TIMEBASE_HZ = 1000000 };
 enum { FILTER = 9 };
 
 /* An edge interrupts at once but counts only behind the filter. A counter that is read this long after the
- * watch began holds every edge from before it: an edge dated since then is the first beyond that count. The
- * limit ends the wait where TIM2 stands still. */
+ * watch began holds every edge from before it: an edge dated after that reading is the first beyond its
+ * count. The tick's own work takes longer; the loop is there in case it should not, and its limit where TIM2
+ * stands still. */
 enum { SETTLE_US = 5, SETTLE_LIMIT = 300 };
 
 #define LEFT_LINES  (3u << 4) /* PB4, PB5 */
@@ -39,9 +40,11 @@ struct stamp {
     volatile uint32_t us;
 };
 static struct stamp stamps[HAL_WHEELS];
-static bool early[HAL_WHEELS]; /* the stamp came before the counter was read: it may be in the count or not */
+static bool unclear[HAL_WHEELS]; /* which count the edge left */
+static uint32_t settled[HAL_WHEELS];
 static bool dated[HAL_WHEELS];
 static uint32_t dated_us[HAL_WHEELS];
+static uint32_t dated_from[HAL_WHEELS];
 
 static void start_timebase(uint32_t timer_apb1_hz)
 {
@@ -80,7 +83,7 @@ void encoders_start(uint32_t timer_apb1_hz)
         pin_to_peripheral(GPIOB, 5u + 2u * wheel, PIN_FUNCTION_TIM3_TIM4, PULL_UP);
         last[wheel] = (uint16_t)timer->cnt;
         total[wheel] = 0;
-        early[wheel] = true;
+        unclear[wheel] = true;
     }
     start_timebase(timer_apb1_hz);
     start_edges();
@@ -114,40 +117,55 @@ void EXTI9_5_Handler(void)
     date_edges();
 }
 
-void encoders_watch(void)
+static void count(void)
 {
-    EXTI->imr = 0;
-    cpu_barrier(); /* no stamp is taken beyond this point */
-    for (uint32_t wheel = 0; wheel < HAL_WHEELS; wheel++) {
-        dated[wheel] = stamps[wheel].taken && !early[wheel];
-        dated_us[wheel] = stamps[wheel].us;
-        stamps[wheel].taken = false;
-    }
-    EXTI->pr = LEFT_LINES | RIGHT_LINES; /* ones clear */
-    EXTI->imr = LEFT_LINES | RIGHT_LINES;
-    watched_us = TIM2->cnt;
-}
-
-void encoders_update(void)
-{
-    for (uint32_t i = 0; i < SETTLE_LIMIT && TIM2->cnt - watched_us < SETTLE_US; i++) {
-    }
     for (uint32_t wheel = 0; wheel < HAL_WHEELS; wheel++) {
         const uint16_t now = (uint16_t)timers[wheel]->cnt;
         const int16_t moved = (int16_t)(uint16_t)(now - last[wheel]);
         last[wheel] = now;
         total[wheel] += (uint32_t)moved;
-        early[wheel] = stamps[wheel].taken;
     }
+}
+
+void encoders_update(void)
+{
+    EXTI->imr = 0;
+    cpu_barrier(); /* no stamp is taken beyond this point */
+    for (uint32_t wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        dated[wheel] = stamps[wheel].taken && !unclear[wheel];
+        dated_us[wheel] = stamps[wheel].us;
+        dated_from[wheel] = settled[wheel];
+        stamps[wheel].taken = false;
+    }
+    count();
     read_us = TIM2->cnt;
+    watched_us = read_us;
+    EXTI->pr = LEFT_LINES | RIGHT_LINES; /* ones clear */
+    EXTI->imr = LEFT_LINES | RIGHT_LINES;
+}
+
+void encoders_settle(void)
+{
+    for (uint32_t i = 0; i < SETTLE_LIMIT && TIM2->cnt - watched_us < SETTLE_US; i++) {
+    }
+    /* Apart from the tick's own counts, which a sample has been made of. */
+    for (uint32_t wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        const uint16_t now = (uint16_t)timers[wheel]->cnt;
+        const int16_t moved = (int16_t)(uint16_t)(now - last[wheel]);
+        /* An edge that is dated already is the one that has moved the counter, or that will. */
+        const bool early = stamps[wheel].taken;
+        settled[wheel] = early ? total[wheel] : total[wheel] + (uint32_t)moved;
+        unclear[wheel] = early && (moved > 1 || moved < -1);
+    }
 }
 
 void encoders_read(struct hal_sample *out)
 {
     for (uint32_t wheel = 0; wheel < HAL_WHEELS; wheel++) {
         out->counts[wheel] = (int32_t)total[wheel];
-        out->edge_us[wheel] = dated_us[wheel];
         out->edge_dated[wheel] = dated[wheel];
+        out->edge_us[wheel] = dated_us[wheel];
+        out->edge_from[wheel] = (int32_t)dated_from[wheel];
     }
     out->now_us = read_us;
 }

@@ -8,14 +8,15 @@
 
 void encoders_start(uint32_t timer_apb1_hz);
 
-/* Once a tick, before encoders_update: from now on the next edge of each wheel is dated. */
-void encoders_watch(void);
-
-/* Extends the 16-bit counters; call at least once in 32767 counts, which the control tick does a hundredfold.
- */
+/* At the beginning of a tick: extends the 16-bit counters (call at least once in 32767 counts, which the
+ * control tick does a hundredfold), takes the edge that was dated since the last tick, and watches for the
+ * next one. */
 void encoders_update(void);
 
-/* Counts since start of the last update, and the first edge before it. */
+/* At the end of the same tick: notes the count that the edge watched for will leave. */
+void encoders_settle(void);
+
+/* Counts since start of the last update, and the edge dated before it. */
 void encoders_read(struct hal_sample *out);
 
 void EXTI4_Handler(void);

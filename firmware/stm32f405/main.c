@@ -56,12 +56,12 @@ static void record_cost(bool overran)
 
 void SysTick_Handler(void)
 {
-    encoders_watch();
-    usart_link_pump();
-    battery_update();
-    blink();
     encoders_update();
+    battery_update();
     controller_tick(&controller);
+    usart_link_pump();
+    blink();
+    encoders_settle();
     const bool overran = tick_overran();
     record_cost(overran);
     if (overran) {

@@ -43,6 +43,10 @@ static void follow(struct board *b, int encoder)
 {
     const struct wired_encoder *w = &b->encoder[encoder];
     struct exti *e = &b->exti;
+    const uint64_t rests_until = b->events[EVENT_EXTI0 + encoder].at;
+    if (rests_until != NEVER && b->moment < rests_until) {
+        return;
+    }
     int64_t now = position_of(b, encoder);
     int64_t at = e->seen[encoder];
     int64_t step = now > at ? 1 : -1;
@@ -110,7 +114,8 @@ static void note_unwatched(struct board *b)
     }
 }
 
-/* The pending register collects edges whether or not they may interrupt: the mask lies behind it (block diagram in 12.2.2).
+/* The pending register collects edges whether or not they may interrupt: the mask lies behind it (block
+ * diagram in 12.2.2).
  */
 bool exti_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
 {

@@ -53,6 +53,7 @@ static void tick(double counts_per_s)
         if (count_at(position) != before && !motion.edge_dated && dates_edges) {
             motion.edge_dated = true;
             motion.edge_us = now_us + (uint32_t)us;
+            motion.edge_from = before;
         }
     }
     now_us += 1000;
