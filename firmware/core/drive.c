@@ -31,8 +31,8 @@ void drive_brake(struct drive *drive)
     hal_drive(none);
 }
 
-static float wheel_effort(struct drive *drive, const struct tuning *tuning, int wheel, float speed_mps,
-                          bool still)
+static float wheel_effort(struct drive *drive, const struct tuning *tuning, int wheel,
+                          const struct wheel_measure *speed, bool still)
 {
     switch (drive->mode) {
     case PROTO_MODE_EFFORT:
@@ -41,22 +41,22 @@ static float wheel_effort(struct drive *drive, const struct tuning *tuning, int 
         if (drive->take_over) {
             /* The effort of the moment before is kept as the slew limit's starting point: no jolt. */
             const float effort = (float)drive->applied_e4[wheel] / effort_to_e4;
-            velocity_control_reset(&drive->control[wheel], speed_mps, effort);
+            velocity_control_reset(&drive->control[wheel], speed->mps, effort);
         }
         return velocity_control_step(&drive->control[wheel], &tuning->gains[wheel], drive->command[wheel],
-                                     speed_mps, still);
+                                     speed, still);
     default:
         return 0.0f;
     }
 }
 
-void drive_step(struct drive *drive, const struct tuning *tuning, const float speed_mps[HAL_WHEELS],
-                const bool still[HAL_WHEELS])
+void drive_step(struct drive *drive, const struct tuning *tuning,
+                const struct wheel_measure speed[HAL_WHEELS], const bool still[HAL_WHEELS])
 {
     int16_t pins_e4[HAL_WHEELS];
     bool braked = true;
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
-        const float effort = clampf(wheel_effort(drive, tuning, wheel, speed_mps[wheel], still[wheel]),
+        const float effort = clampf(wheel_effort(drive, tuning, wheel, &speed[wheel], still[wheel]),
                                     -tuning->effort_limit, tuning->effort_limit);
         const int16_t effort_e4 = (int16_t)round_to_i32(effort * effort_to_e4);
         drive->applied_e4[wheel] = effort_e4;

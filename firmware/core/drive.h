@@ -31,8 +31,8 @@ void drive_command(struct drive *drive, uint8_t mode, float left, float right);
 void drive_brake(struct drive *drive);
 
 /* One tick: works out the efforts and hands them to the bridges. */
-void drive_step(struct drive *drive, const struct tuning *tuning, const float speed_mps[HAL_WHEELS],
-                const bool still[HAL_WHEELS]);
+void drive_step(struct drive *drive, const struct tuning *tuning,
+                const struct wheel_measure speed[HAL_WHEELS], const bool still[HAL_WHEELS]);
 
 /* The command as it is logged: 1e-4 effort or mm/s. */
 int16_t drive_logged_command(const struct drive *drive, int wheel);

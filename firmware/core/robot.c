@@ -15,6 +15,7 @@ void robot_init(struct robot *robot, uint32_t boot_faults)
         robot->counts[wheel] = 0;
         wheel_speed_init(&robot->wheels[wheel], 0);
         wheel_watch_init(&robot->watches[wheel], 0);
+        robot->speed[wheel] = (struct wheel_measure){0};
     }
     robot->odometry = (struct odometry){0};
     drive_init(&robot->drive);
@@ -32,6 +33,13 @@ void robot_init(struct robot *robot, uint32_t boot_faults)
     log_init(&robot->log);
 }
 
+/* Counts from `then` to `now`, forward positive. */
+static int32_t forward(const struct robot *robot, int wheel, int32_t now, int32_t then)
+{
+    return robot->tuning.encoder_reversed[wheel] ? wrapped_difference(then, now)
+                                                 : wrapped_difference(now, then);
+}
+
 /* Counts, speeds and pose of this tick. */
 static void sense(struct robot *robot)
 {
@@ -41,15 +49,26 @@ static void sense(struct robot *robot)
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
         const int32_t now = robot->sample.counts[wheel];
         const int32_t then = before.counts[wheel];
-        moved[wheel] = robot->tuning.encoder_reversed[wheel] ? wrapped_difference(then, now)
-                                                             : wrapped_difference(now, then);
+        moved[wheel] = forward(robot, wheel, now, then);
         robot->counts[wheel] = wrapped_sum(robot->counts[wheel], moved[wheel]);
         if (robot->speeds_stale) {
             wheel_speed_init(&robot->wheels[wheel], robot->counts[wheel]);
             wheel_watch_init(&robot->watches[wheel], robot->counts[wheel]);
         }
-        wheel_speed_step(&robot->wheels[wheel], robot->counts[wheel]);
-        robot->view.speed_mps[wheel] = wheel_speed_mps(&robot->wheels[wheel], robot->tuning.metres_per_count);
+        const int32_t since_edge = forward(robot, wheel, now, robot->sample.edge_from[wheel]);
+        const struct wheel_motion motion = {
+            .counts = robot->counts[wheel],
+            .now_us = robot->sample.now_us,
+            .edge_dated = robot->sample.edge_dated[wheel],
+            .edge_us = robot->sample.edge_us[wheel],
+            .edge_from = wrapped_difference(robot->counts[wheel], since_edge),
+        };
+        wheel_speed_step(&robot->wheels[wheel], &motion);
+        const float metres = robot->tuning.metres_per_count;
+        robot->speed[wheel] = robot->tuning.speed_from_edges
+                                  ? wheel_speed_from_edges(&robot->wheels[wheel], metres)
+                                  : wheel_speed_from_counts(&robot->wheels[wheel], metres);
+        robot->view.speed_mps[wheel] = wheel_speed_window_mps(&robot->wheels[wheel], metres);
         robot->view.still[wheel] = wheel_speed_is_still(&robot->wheels[wheel]);
         wheel_watch_step(&robot->watches[wheel], &robot->tuning, wheel, robot->counts[wheel],
                          robot->drive.applied_e4[wheel]);
@@ -138,7 +157,7 @@ void robot_tick(struct robot *robot)
         view_sensors(robot, &view);
         recorder_open(&robot->recorder, &robot->log, &view);
     }
-    drive_step(&robot->drive, &robot->tuning, robot->view.speed_mps, robot->view.still);
+    drive_step(&robot->drive, &robot->tuning, robot->speed, robot->view.still);
 }
 
 static void end_drive(struct robot *robot)

@@ -31,6 +31,7 @@ struct robot {
     int32_t counts[HAL_WHEELS]; /* forward positive, since start-up, wrapping */
     struct wheel_speed wheels[HAL_WHEELS];
     struct wheel_watch watches[HAL_WHEELS];
+    struct wheel_measure speed[HAL_WHEELS]; /* what velocity mode holds */
     struct odometry odometry;
     struct drive drive;
     struct sequence sequence;

@@ -54,21 +54,32 @@ void tuning_from_parameters(struct tuning *tuning, const struct parameters *para
     tuning->encoder_start_ms = watch_ms(WHEEL_WATCH_START_MS, tuning->metres_per_count);
     tuning->stall_ms = watch_ms(WHEEL_WATCH_STALL_MS, tuning->metres_per_count);
 
-    const float ks[HAL_WHEELS] = {p[PROTO_PARAMETER_FF_KS_LEFT], p[PROTO_PARAMETER_FF_KS_RIGHT]};
-    const float kv[HAL_WHEELS] = {p[PROTO_PARAMETER_FF_KV_LEFT], p[PROTO_PARAMETER_FF_KV_RIGHT]};
-    const float ka[HAL_WHEELS] = {p[PROTO_PARAMETER_FF_KA_LEFT], p[PROTO_PARAMETER_FF_KA_RIGHT]};
+    tuning->speed_from_edges = p[PROTO_PARAMETER_SPEED_FROM_EDGES] != 0.0f;
+    const struct feedforward forward[HAL_WHEELS] = {
+        {p[PROTO_PARAMETER_FF_KS_LEFT], p[PROTO_PARAMETER_FF_KV_LEFT], p[PROTO_PARAMETER_FF_KA_LEFT]},
+        {p[PROTO_PARAMETER_FF_KS_RIGHT], p[PROTO_PARAMETER_FF_KV_RIGHT], p[PROTO_PARAMETER_FF_KA_RIGHT]},
+    };
+    const struct feedforward reverse[HAL_WHEELS] = {
+        {p[PROTO_PARAMETER_FF_KS_LEFT_REVERSE], p[PROTO_PARAMETER_FF_KV_LEFT_REVERSE],
+         p[PROTO_PARAMETER_FF_KA_LEFT_REVERSE]},
+        {p[PROTO_PARAMETER_FF_KS_RIGHT_REVERSE], p[PROTO_PARAMETER_FF_KV_RIGHT_REVERSE],
+         p[PROTO_PARAMETER_FF_KA_RIGHT_REVERSE]},
+    };
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
         const struct velocity_gains gains = {
             .kp = p[PROTO_PARAMETER_VELOCITY_KP],
             .ki = p[PROTO_PARAMETER_VELOCITY_KI],
-            .ks = ks[wheel],
-            .kv = kv[wheel],
-            .ka = ka[wheel],
+            .forward = forward[wheel],
+            .reverse = reverse[wheel],
+            .kick_effort = p[PROTO_PARAMETER_KICK_EFFORT],
+            .kick_ms = (uint32_t)round_to_i32(p[PROTO_PARAMETER_KICK_LIMIT_S] * 1000.0f),
+            .metres_per_count = tuning->speed_from_edges ? tuning->metres_per_count : 0.0f,
             .effort_limit = tuning->effort_limit,
             .effort_slew_per_s = p[PROTO_PARAMETER_EFFORT_SLEW_PER_S],
             .accel_limit_mps2 = p[PROTO_PARAMETER_ACCEL_LIMIT_MPS2],
         };
         tuning->gains[wheel] = gains;
-        tuning->watch_ka[wheel] = watch_ka(ka[wheel]);
+        tuning->watch_ka[wheel] =
+            watch_ka(forward[wheel].ka > reverse[wheel].ka ? forward[wheel].ka : reverse[wheel].ka);
     }
 }

@@ -15,6 +15,7 @@ struct tuning {
     float half_wheelbase_m;
     struct odometry_geometry geometry;
     struct velocity_gains gains[HAL_WHEELS];
+    bool speed_from_edges;
     bool encoder_reversed[HAL_WHEELS];
     bool motor_reversed[HAL_WHEELS];
     float effort_limit;

@@ -22,29 +22,83 @@ static float slew(float from, float to, float step)
     return to - from < -step ? from - step : to;
 }
 
+static float magnitude(float value)
+{
+    return value < 0.0f ? -value : value;
+}
+
 void velocity_control_reset(struct velocity_control *control, float speed_mps, float effort)
 {
     control->tracked_mps = speed_mps;
-    for (int i = 0; i < VELOCITY_CONTROL_DELAY_MS; i++) {
+    for (int i = 0; i < VELOCITY_CONTROL_MEMORY_MS; i++) {
         control->earlier_mps[i] = speed_mps;
     }
     control->next = 0;
     control->integral = 0.0f;
     control->effort = effort;
+    control->kicked_ms = 0;
+    control->turning = speed_mps != 0.0f;
 }
 
 /* What the wheel was meant to do when it did what is measured now. Compared with the speed of this moment, a
  * ramp would look like an error that the feedforward has left behind, and the integral would overshoot it. */
-static float delayed(struct velocity_control *control, float speed_mps)
+static float meant_before(struct velocity_control *control, float age_s)
 {
-    const float then = control->earlier_mps[control->next];
-    control->earlier_mps[control->next] = speed_mps;
-    control->next = (uint8_t)((control->next + 1u) % VELOCITY_CONTROL_DELAY_MS);
-    return then;
+    const float most_s = tick_s * (float)VELOCITY_CONTROL_MEMORY_MS;
+    const int32_t ticks = round_to_i32(clampf(age_s, tick_s, most_s) / tick_s);
+    return control->earlier_mps[(control->next + VELOCITY_CONTROL_MEMORY_MS - (uint32_t)ticks) %
+                                VELOCITY_CONTROL_MEMORY_MS];
+}
+
+static void remember(struct velocity_control *control)
+{
+    control->earlier_mps[control->next] = control->tracked_mps;
+    control->next = (uint8_t)((control->next + 1u) % VELOCITY_CONTROL_MEMORY_MS);
+}
+
+/* A loop can correct no faster than it hears of its wheel: by one count in the time that a count takes at the
+ * speed meant, or at half the measured one when the wheel is much faster. The measured speed itself would
+ * give a short interval between misplaced edges more weight than the long one beside it. */
+static float share_of_gain(const struct velocity_gains *gains, float meant_mps, float measured_mps)
+{
+    const float full_s = tick_s * (float)VELOCITY_CONTROL_FULL_GAIN_MS;
+    const float meant = magnitude(meant_mps);
+    const float half = 0.5f * magnitude(measured_mps);
+    const float travel_m = full_s * (meant > half ? meant : half);
+    return travel_m < gains->metres_per_count ? travel_m / gains->metres_per_count : 1.0f;
+}
+
+/* Twice the time has gone by in which the wheel should have made a count: it stands. Then the integral may
+ * grow as fast as it does for any other wheel, for nothing moves that could swing. */
+static bool stalled(const struct velocity_gains *gains, float meant_mps, const struct wheel_measure *measured)
+{
+    return measured->span_s * magnitude(meant_mps) > 2.0f * gains->metres_per_count;
+}
+
+static float feed_forward(const struct velocity_gains *gains, float speed_mps, float acceleration_mps2)
+{
+    /* From standstill, and back to it, the direction is that of the motion that begins or ends. */
+    const float direction = speed_mps != 0.0f ? speed_mps : acceleration_mps2;
+    const struct feedforward *const known = direction < 0.0f ? &gains->reverse : &gains->forward;
+    return known->ks * sign(speed_mps) + known->kv * speed_mps + known->ka * acceleration_mps2;
+}
+
+/* Dry friction holds a standing wheel harder than a turning one: a push until it turns, within limits. */
+static float kick(struct velocity_control *control, const struct velocity_gains *gains, float measured_mps)
+{
+    const float speed = control->tracked_mps;
+    if (measured_mps != 0.0f) {
+        control->turning = true;
+    }
+    if (control->turning || speed == 0.0f || control->kicked_ms >= gains->kick_ms) {
+        return 0.0f;
+    }
+    control->kicked_ms++;
+    return gains->kick_effort * sign(speed);
 }
 
 float velocity_control_step(struct velocity_control *control, const struct velocity_gains *gains,
-                            float command_mps, float measured_mps, bool still)
+                            float command_mps, const struct wheel_measure *measured, bool still)
 {
     const float before = control->tracked_mps;
     control->tracked_mps = slew(before, command_mps, gains->accel_limit_mps2 * tick_s);
@@ -56,17 +110,22 @@ float velocity_control_step(struct velocity_control *control, const struct veloc
         return 0.0f;
     }
 
-    const float acceleration = (speed - before) / tick_s;
-    const float feedforward = gains->ks * sign(speed) + gains->kv * speed + gains->ka * acceleration;
-    const float error = delayed(control, speed) - measured_mps;
-    const float wanted = feedforward + gains->kp * error + control->integral;
+    const float feedforward =
+        feed_forward(gains, speed, (speed - before) / tick_s) + kick(control, gains, measured->mps);
+    const float error = meant_before(control, measured->age_s) - measured->mps;
+    remember(control);
+    /* Travel, not speed: what one interval between edges says too much of, the next one takes back. */
+    const float meant_m = speed * tick_s;
+    const float share = share_of_gain(gains, speed, measured->mps);
+    const float integral_share = stalled(gains, speed, measured) ? 1.0f : share * share;
+    const float wanted = feedforward + share * gains->kp * error + control->integral;
     const float limited = clampf(wanted, -gains->effort_limit, gains->effort_limit);
     const float output = slew(control->effort, limited, gains->effort_slew_per_s * tick_s);
 
     /* Conditional integration: while an output limit holds, only an error that leads away from it counts. */
     const float excess = wanted - output;
     if (excess == 0.0f || excess * error < 0.0f) {
-        control->integral += gains->ki * error * tick_s;
+        control->integral += integral_share * gains->ki * (meant_m - measured->moved_m);
     }
     control->effort = output;
     return output;

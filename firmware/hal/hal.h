@@ -11,8 +11,13 @@ enum { HAL_WHEELS = 2 }; /* 0 left, 1 right */
 
 struct hal_sample {
     int32_t counts[HAL_WHEELS]; /* quadrature counts since reset, wrap modulo 2^32 */
-    uint16_t battery_mv;        /* supply of the bridges, at the terminals, last finished conversion */
-    bool battery_valid;         /* a conversion finished within the last 100 ms */
+    uint32_t now_us;            /* when the counts were read, wraps modulo 2^32 */
+    /* One edge since the sample before: when it came, and the count that it left. */
+    bool edge_dated[HAL_WHEELS];
+    uint32_t edge_us[HAL_WHEELS];
+    int32_t edge_from[HAL_WHEELS];
+    uint16_t battery_mv; /* supply of the bridges, at the terminals, last finished conversion */
+    bool battery_valid;  /* a conversion finished within the last 100 ms */
 };
 
 struct hal_identity {

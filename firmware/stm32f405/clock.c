@@ -102,6 +102,7 @@ static void describe_pll(struct clock *out, enum clock_source source, uint32_t c
     out->source = source;
     out->core_hz = core_hz;
     out->apb1_hz = core_hz / 4u;
+    out->timer_apb1_hz = core_hz / 2u;
     out->timer_apb2_hz = core_hz;
 }
 
@@ -129,6 +130,7 @@ void clock_start(struct clock *out)
         *out = (struct clock){.source = CLOCK_INTERNAL,
                               .core_hz = CLOCK_RESET_HZ,
                               .apb1_hz = CLOCK_RESET_HZ,
+                              .timer_apb1_hz = CLOCK_RESET_HZ,
                               .timer_apb2_hz = CLOCK_RESET_HZ};
     }
     SYSTICK->ctrl = 0;

@@ -18,6 +18,7 @@ struct clock {
     enum clock_source source;
     uint32_t core_hz;       /* HCLK, and SysTick */
     uint32_t apb1_hz;       /* USART3 */
+    uint32_t timer_apb1_hz; /* TIM2 to TIM4 */
     uint32_t timer_apb2_hz; /* TIM1 */
 };
 

@@ -9,7 +9,9 @@
  * The serial port stands above the control tick. It has no FIFO: at 921600 baud a byte must be fetched within
  * 10.8 us of its end or the next one overruns it, and a tick takes longer than that. The tick can wait: its
  * interrupts cost it well under a microsecond each, and its inputs are latched by hardware counters.
- * Both share no data but the transmit ring (usart_link.c). Faults preempt both. */
+ * Both share no data but the transmit ring (usart_link.c). Encoder edges stand above both: they are dated
+ * when their interrupt begins, and take half a microsecond, twice a tick at most. Faults preempt all. */
+#define PRIORITY_EDGE   0x20u
 #define PRIORITY_USART3 0x40u
 #define PRIORITY_TICK   0x80u
 

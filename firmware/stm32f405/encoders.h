@@ -1,4 +1,4 @@
-/* Quadrature encoders of both wheels on TIM3 (left) and TIM4 (right). */
+/* Quadrature encoders of both wheels on TIM3 (left) and TIM4 (right), and when their edges came. */
 #ifndef ENCODERS_H
 #define ENCODERS_H
 
@@ -6,13 +6,20 @@
 
 #include "hal.h"
 
-void encoders_start(void);
+void encoders_start(uint32_t timer_apb1_hz);
 
-/* Extends the 16-bit counters; call at least once in 32767 counts, which the control tick does a hundredfold.
- */
+/* At the beginning of a tick: extends the 16-bit counters (call at least once in 32767 counts, which the
+ * control tick does a hundredfold), takes the edge that was dated since the last tick, and watches for the
+ * next one. */
 void encoders_update(void);
 
-/* Counts since start, of the last update. */
-void encoders_read(int32_t counts[HAL_WHEELS]);
+/* At the end of the same tick: notes the count that the edge watched for will leave. */
+void encoders_settle(void);
+
+/* Counts since start of the last update, and the edge dated before it. */
+void encoders_read(struct hal_sample *out);
+
+void EXTI4_Handler(void);
+void EXTI9_5_Handler(void);
 
 #endif

@@ -61,6 +61,7 @@ void SysTick_Handler(void)
     controller_tick(&controller);
     usart_link_pump();
     blink();
+    encoders_settle();
     const bool overran = tick_overran();
     record_cost(overran);
     if (overran) {
@@ -71,7 +72,7 @@ void SysTick_Handler(void)
 
 void hal_sense(struct hal_sample *out)
 {
-    encoders_read(out->counts);
+    encoders_read(out);
     out->battery_valid = battery_read(&out->battery_mv);
 }
 
@@ -93,8 +94,8 @@ static void start_peripheral_clocks(void)
 {
     RCC->ahb1enr |= RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOB | RCC_AHB1ENR_GPIOC;
     RCC->ahb2enr |= RCC_AHB2ENR_RNG;
-    RCC->apb1enr |= RCC_APB1ENR_TIM3 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_USART3;
-    RCC->apb2enr |= RCC_APB2ENR_TIM1 | RCC_APB2ENR_ADC1;
+    RCC->apb1enr |= RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM3 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_USART3;
+    RCC->apb2enr |= RCC_APB2ENR_TIM1 | RCC_APB2ENR_ADC1 | RCC_APB2ENR_SYSCFG;
     (void)RCC->apb2enr; /* a clock needs two cycles to arrive (ES0182); the read takes longer */
 }
 
@@ -114,7 +115,7 @@ int main(void)
     motors_start(CLOCK_RESET_HZ); /* brakes: a robot that restarts at speed must not wait for the crystal */
     clock_start(&clock);
     motors_start(clock.timer_apb2_hz);
-    encoders_start();
+    encoders_start(clock.timer_apb1_hz);
     battery_start();
     pin_to_output(GPIOC, LED_PIN);
     led_half_period_ms = clock.source == CLOCK_CRYSTAL_PLL ? LED_MS : LED_FALLBACK_MS;

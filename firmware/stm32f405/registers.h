@@ -108,12 +108,14 @@ _Static_assert(sizeof(struct rcc) == 0x78, "RCC_CSR lies at 0x74");
 #define RCC_AHB1ENR_GPIOB   (1u << 1)
 #define RCC_AHB1ENR_GPIOC   (1u << 2)
 #define RCC_AHB2ENR_RNG     (1u << 6)
+#define RCC_APB1ENR_TIM2    (1u << 0)
 #define RCC_APB1ENR_TIM3    (1u << 1)
 #define RCC_APB1ENR_TIM4    (1u << 2)
 #define RCC_APB1ENR_USART3  (1u << 18)
 #define RCC_APB1ENR_PWR     (1u << 28)
 #define RCC_APB2ENR_TIM1    (1u << 0)
 #define RCC_APB2ENR_ADC1    (1u << 8)
+#define RCC_APB2ENR_SYSCFG  (1u << 14)
 #define RCC_CSR_RMVF        (1u << 24)
 
 /* Power control, section 5.4.1. The F405 has one scale bit and no over-drive. */
@@ -164,7 +166,24 @@ struct gpio {
 #define GPIOB ((struct gpio *)0x40020400u)
 #define GPIOC ((struct gpio *)0x40020800u)
 
-/* Timers: TIM1 in section 17.4, TIM3 and TIM4 in section 18.4 (these lack RCR and BDTR). */
+/* Which port's pins 4 to 7 the external interrupt lines 4 to 7 watch, section 9.2.4: four bits each. */
+#define SYSCFG_EXTICR2            (*(reg32 *)0x4001380Cu)
+#define SYSCFG_EXTICR_PORT_B(pin) (1u << (4u * ((pin) % 4u)))
+
+/* External interrupts, section 12.3; one bit for each line. */
+struct exti {
+    reg32 imr;
+    reg32 emr;
+    reg32 rtsr;
+    reg32 ftsr;
+    reg32 swier;
+    reg32 pr;
+};
+#define EXTI        ((struct exti *)0x40013C00u)
+#define IRQ_EXTI4   10u /* section 12.2, table 62 */
+#define IRQ_EXTI9_5 23u
+
+/* Timers: TIM1 in section 17.4, TIM2 to TIM4 in section 18.4 (these lack RCR and BDTR; TIM2 has 32 bits). */
 struct timer {
     reg32 cr1;
     reg32 cr2;
@@ -183,6 +202,7 @@ struct timer {
     reg32 bdtr;
 };
 #define TIM1                ((struct timer *)0x40010000u)
+#define TIM2                ((struct timer *)0x40000000u)
 #define TIM3                ((struct timer *)0x40000400u)
 #define TIM4                ((struct timer *)0x40000800u)
 #define TIM_CR1_CEN         (1u << 0)

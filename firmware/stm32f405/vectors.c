@@ -1,6 +1,7 @@
-/* The vector table: six vectors are in use, all others lead to a handler that stops the motors. */
+/* The vector table: eight vectors are in use, all others lead to a handler that stops the motors. */
 #include <stdint.h>
 
+#include "encoders.h"
 #include "fault.h"
 #include "registers.h"
 #include "startup.h"
@@ -45,7 +46,11 @@ __attribute__((section(".vectors"), used)) static const struct vector_table vect
         SysTick_Handler,      /* 15 */
     },
     .interrupt = {
-        [0 ... IRQ_USART3 - 1] = unexpected_interrupt,
+        [0 ... IRQ_EXTI4 - 1] = unexpected_interrupt,
+        [IRQ_EXTI4] = EXTI4_Handler,
+        [IRQ_EXTI4 + 1 ... IRQ_EXTI9_5 - 1] = unexpected_interrupt,
+        [IRQ_EXTI9_5] = EXTI9_5_Handler,
+        [IRQ_EXTI9_5 + 1 ... IRQ_USART3 - 1] = unexpected_interrupt,
         [IRQ_USART3] = USART3_Handler,
         [IRQ_USART3 + 1 ... INTERRUPTS - 1] = unexpected_interrupt,
     },

@@ -33,6 +33,8 @@ struct board_wires {
     void (*pin_driven)(void *context, struct board_pin pin, double duty, uint64_t time_ps);
     /* Position of an encoder wired with board_wire_encoder, in quadrature counts (x4). */
     int64_t (*encoder_position)(void *context, int encoder, uint64_t time_ps);
+    /* A time after this one up to which that position surely stays what it is; it may change there. */
+    uint64_t (*encoder_quiet_until)(void *context, int encoder, uint64_t time_ps);
     /* Voltage at an analogue pin. */
     double (*pin_voltage)(void *context, struct board_pin pin, uint64_t time_ps);
     /* A byte left the transmitter of USART 1..3; line_baud is what the divider makes of the clock. */

@@ -114,7 +114,7 @@ void pins_update(struct board *b)
 }
 
 /* Level of an encoder's phase: the four states of a quadrature period are 00, 10, 11, 01 (A, B). */
-static bool phase_level(int64_t position, bool is_b)
+bool phase_level(int64_t position, bool is_b)
 {
     uint64_t state = (uint64_t)position & 3u;
     return is_b ? state >= 2 : state == 1 || state == 2;
@@ -179,12 +179,16 @@ bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_
         *value = *store[offset / 4];
         return true;
     }
+    if (offset == 0x00) {
+        exti_sync(b);
+    }
     *store[offset / 4] = offset == 0x14 || offset == 0x04 ? *value & 0xFFFFu : *value;
     if (offset >= 0x20 || offset == 0x00) { /* a pin may have become, or ceased to be, an encoder's input */
         for (int timer = 1; timer <= TIMERS; timer++) {
             timer_encoder_sync(b, timer);
         }
         find_usart_pins(b);
+        exti_schedule(b);
     }
     pins_update(b);
     return true;

@@ -64,7 +64,8 @@ enum event_id {
     EVENT_USART_RX0 = EVENT_USART_TX0 + USARTS,
     EVENT_USART_IDLE0 = EVENT_USART_RX0 + USARTS,
     EVENT_ADC0 = EVENT_USART_IDLE0 + USARTS,
-    EVENTS = EVENT_ADC0 + ADCS
+    EVENT_EXTI0 = EVENT_ADC0 + ADCS, /* one for each encoder */
+    EVENTS = EVENT_EXTI0 + ENCODERS
 };
 
 struct event {
@@ -165,6 +166,7 @@ struct iwdg {
 
 struct exti {
     uint32_t imr, emr, rtsr, ftsr, pr;
+    int64_t seen[ENCODERS]; /* position up to which edges are taken in */
 };
 
 /* A stretch of code that runs without a branch in between, as the CPU engine translated it. */
@@ -339,6 +341,7 @@ void flash_event(struct board *b);
 bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_t *value);
 void gpio_reset(struct board *b, int port);
 void pins_update(struct board *b);
+bool phase_level(int64_t position, bool is_b);
 bool pin_of_timer(const struct board *b, int timer, int channel, struct board_pin *out);
 bool timer_access(struct board *b, int timer, uint32_t offset, bool write, uint32_t *value);
 void timer_reset(struct board *b, int timer);
@@ -362,6 +365,10 @@ bool iwdg_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 void iwdg_reset(struct board *b);
 bool rng_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 bool exti_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
+void exti_reset(struct board *b);
+void exti_sync(struct board *b);
+void exti_schedule(struct board *b);
+void exti_event(struct board *b, int encoder);
 bool syscfg_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 bool pwr_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 bool dbgmcu_access(struct board *b, uint32_t offset, bool write, uint32_t *value);

@@ -1,5 +1,4 @@
-/* Peripherals of a few registers: random numbers, external interrupts, SYSCFG, power control, debug identity.
- */
+/* Peripherals of a few registers: random numbers, SYSCFG, power control, debug identity. */
 #include "machine.h"
 
 /* One step of xorshift64*; the board's seed decides the sequence. */
@@ -35,45 +34,6 @@ bool rng_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
     }
 }
 
-static unsigned exti_irq(unsigned line)
-{
-    return line < 5 ? IRQ_EXTI0 + line : line < 10 ? IRQ_EXTI9_5 : IRQ_EXTI15_10;
-}
-
-static void exti_update(struct board *b)
-{
-    uint32_t on = b->exti.pr & b->exti.imr;
-    for (unsigned i = 0; i < 5; i++) {
-        nvic_set_line(b, exti_irq(i), (on >> i & 1u) != 0);
-    }
-    nvic_set_line(b, IRQ_EXTI9_5, (on & 0x03E0u) != 0);
-    nvic_set_line(b, IRQ_EXTI15_10, (on & 0xFC00u) != 0);
-}
-
-/* RM0090 section 12.3. Software events work; edges at pins are not followed. */
-bool exti_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
-{
-    struct exti *e = &b->exti;
-    uint32_t *const store[] = {&e->imr, &e->emr, &e->rtsr, &e->ftsr};
-    if (offset < 0x10) {
-        *store[offset / 4] = write ? *value & 0x7FFFFFu : *store[offset / 4];
-        *value = *store[offset / 4];
-        if (write && offset >= 8 && *value != 0) {
-            note_oddity(b, 0xF00000D0u, "EXTI edges at pins are not modelled");
-        }
-    } else if (offset == 0x10) {
-        e->pr |= write ? *value & e->imr : 0;
-        *value = 0;
-    } else if (offset == 0x14) {
-        e->pr &= write ? ~*value : ~0u;
-        *value = e->pr;
-    } else {
-        return false;
-    }
-    exti_update(b);
-    return true;
-}
-
 bool syscfg_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
 {
     uint32_t *const store[] = {&b->syscfg_memrmp,    &b->syscfg_pmc,       &b->syscfg_exticr[0],
@@ -85,7 +45,11 @@ bool syscfg_access(struct board *b, uint32_t offset, bool write, uint32_t *value
     if (offset > 0x14) {
         return false;
     }
-    *store[offset / 4] = write ? *value : *store[offset / 4];
+    if (write) {
+        exti_sync(b); /* EXTICR chooses the pins whose edges count */
+        *store[offset / 4] = *value;
+        exti_schedule(b);
+    }
     *value = *store[offset / 4];
     return true;
 }

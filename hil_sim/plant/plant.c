@@ -1,6 +1,7 @@
 /* One step of the whole robot: battery, bridges and motors, friction and ground, pose. */
 #include "plant.h"
 
+#include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
 
@@ -22,6 +23,8 @@ struct plant {
     struct friction_mass mass;          /* the chassis', with one step's viscous friction */
     double emf_per_speed[PLANT_WHEELS]; /* back-EMF per rim speed, V s/m; equals force per current */
     double angle_rad[PLANT_WHEELS];
+    double angle_before_rad[PLANT_WHEELS];    /* one step ago */
+    double acceleration_radps2[PLANT_WHEELS]; /* more than a wheel ever has, see fastest_change */
     struct friction_speeds rims;
     double hold_nm[PLANT_WHEELS]; /* dry friction from outside */
 };
@@ -29,6 +32,19 @@ struct plant {
 static double viscous_kg(const struct plant_wheel_params *wheel)
 {
     return step_s * wheel->friction.viscous_nms_per_rad / (wheel->radius_m * wheel->radius_m);
+}
+
+/* A bound on a wheel's acceleration, rad/s^2: twice the supply across the winding (a reversal at full speed)
+ * on wheel and rotor alone, as if the robot weighed nothing, and twice that for what the other wheel adds. */
+static double fastest_change(const struct plant_params *params, const struct plant_wheel_params *wheel)
+{
+    const struct plant_motor_params *motor = &wheel->motor;
+    const double torque_nm =
+        motor->emf_v_per_radps * motor->gear_ratio * 2.0 * params->battery.full_v / motor->resistance_ohm +
+        wheel->friction.breakaway_nm;
+    const double inertia_kgm2 =
+        wheel->inertia_kgm2 + motor->rotor_inertia_kgm2 * motor->gear_ratio * motor->gear_ratio;
+    return inertia_kgm2 > 0.0 ? 2.0 * torque_nm / inertia_kgm2 : INFINITY;
 }
 
 struct plant *plant_create(const struct plant_params *params, uint64_t seed)
@@ -51,6 +67,7 @@ struct plant *plant_create(const struct plant_params *params, uint64_t seed)
         const struct plant_wheel_params *wheel = &params->wheel[i];
         motor_init(&plant->motor[i], &wheel->motor, &params->bridge);
         plant->emf_per_speed[i] = wheel->motor.emf_v_per_radps * wheel->motor.gear_ratio / wheel->radius_m;
+        plant->acceleration_radps2[i] = fastest_change(params, wheel);
     }
     return plant;
 }
@@ -83,6 +100,7 @@ void plant_turn_wheel(struct plant *plant, int wheel, double angle_rad)
 {
     if (is_wheel(wheel)) {
         plant->angle_rad[wheel] += angle_rad;
+        plant->angle_before_rad[wheel] += angle_rad;
     }
 }
 
@@ -118,6 +136,8 @@ static void step(struct plant *plant)
 
     const double left_m = 0.5 * step_s * (before.left + plant->rims.left);
     const double right_m = 0.5 * step_s * (before.right + plant->rims.right);
+    plant->angle_before_rad[0] = plant->angle_rad[0];
+    plant->angle_before_rad[1] = plant->angle_rad[1];
     plant->angle_rad[0] += left_m / wheel[0].radius_m;
     plant->angle_rad[1] += right_m / wheel[1].radius_m;
     chassis_roll(&plant->chassis, left_m, right_m);
@@ -137,6 +157,44 @@ int64_t plant_encoder_position(const struct plant *plant, int wheel)
         return 0;
     }
     return sensor_count(&plant->params.wheel[wheel].encoder, plant->seed, wheel, plant->angle_rad[wheel]);
+}
+
+int64_t plant_encoder_within(const struct plant *plant, int wheel, double share)
+{
+    if (!is_wheel(wheel)) {
+        return 0;
+    }
+    const double before = plant->angle_before_rad[wheel];
+    const double angle = before + (plant->angle_rad[wheel] - before) * share;
+    return sensor_count(&plant->params.wheel[wheel].encoder, plant->seed, wheel, angle);
+}
+
+double plant_encoder_quiet_steps(const struct plant *plant, int wheel, double share)
+{
+    if (!is_wheel(wheel)) {
+        return INFINITY;
+    }
+    const struct plant_encoder_params *encoder = &plant->params.wheel[wheel].encoder;
+    const double before = plant->angle_before_rad[wheel];
+    const double moved = plant->angle_rad[wheel] - before;
+    const double angle = before + moved * share;
+    struct sensor_edges edges;
+    sensor_edges(encoder, plant->seed, wheel, angle, &edges);
+
+    /* Within the step that has been taken the wheel's motion is known. */
+    const double ahead = moved > 0.0 ? edges.above_rad - angle : edges.below_rad - angle;
+    if (moved != 0.0 && ahead / moved <= 1.0 - share) {
+        return ahead / moved > 0.0 ? ahead / moved : 0.0;
+    }
+    /* Beyond its end: s = v t + a t^2 / 2 must not reach the nearer edge, whichever way the wheel turns. */
+    const double end = plant->angle_rad[wheel];
+    const double room = fmin(edges.above_rad - end, end - edges.below_rad);
+    const double acceleration = plant->acceleration_radps2[wheel];
+    const double speed = fabs(moved) / step_s + acceleration * step_s; /* at the step's end, not its middle */
+    const double quiet_s = acceleration < INFINITY && room > 0.0
+                               ? 2.0 * room / (speed + sqrt(speed * speed + 2.0 * acceleration * room))
+                               : 0.0;
+    return 1.0 - share + floor(quiet_s / step_s);
 }
 
 double plant_battery_v(const struct plant *plant)

@@ -121,6 +121,12 @@ void plant_hold_wheel(struct plant *plant, int wheel, double torque_nm);
 
 /* Turns a lifted wheel by hand; the robot stays where it is. */
 void plant_turn_wheel(struct plant *plant, int wheel, double angle_rad);
+/* The same sensor as the wheel passed this share (0..1) of the last step, taken to be of even speed. */
+int64_t plant_encoder_within(const struct plant *plant, int wheel, double share);
+
+/* How long from there, in steps, that count surely lasts: up to the next edge within the last step, or else
+   to the end of a step before which no edge can come, however the bridges are driven. */
+double plant_encoder_quiet_steps(const struct plant *plant, int wheel, double share);
 
 /* Terminal voltage with the sense line's noise. */
 double plant_battery_v(const struct plant *plant);

@@ -56,6 +56,15 @@ int64_t sensor_count(const struct plant_encoder_params *params, uint64_t seed, i
     return nearest;
 }
 
+void sensor_edges(const struct plant_encoder_params *params, uint64_t seed, int wheel, double angle_rad,
+                  struct sensor_edges *out)
+{
+    const double rad_per_count = radians_per_turn / params->counts_per_rev;
+    const int64_t count = sensor_count(params, seed, wheel, angle_rad);
+    out->below_rad = edge(params, seed, wheel, count) * rad_per_count;
+    out->above_rad = edge(params, seed, wheel, count + 1) * rad_per_count;
+}
+
 double sensor_noise(uint64_t seed, uint64_t step, double largest)
 {
     /* Another stream than the discs', whose indices are small. */

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #define PS_PER_US  1000000ULL
+#define STEP_PS    (PLANT_STEP_US * PS_PER_US)
 #define CRYSTAL_HZ 8000000U
 #define LINK_BAUD  921600.0
 #define DIVIDER    (1.0 / 11.0) /* 10 kOhm over 1 kOhm */
@@ -16,6 +17,9 @@ static const struct board_pin bridge_pins[RIG_WHEELS][2] = {{{'A', 8}, {'A', 9}}
 static const struct board_pin encoder_pins[RIG_WHEELS][2] = {{{'B', 4}, {'B', 5}}, {{'B', 6}, {'B', 7}}};
 static const struct board_pin battery_pin = {'A', 4};
 static const struct board_pin led_pin = {'C', 12};
+
+/* Even a wheel at rest is looked at this often, in plant steps: a tenth of a second. */
+#define MOST_QUIET_STEPS 2000.0
 
 struct sent_byte {
     uint64_t time_ps;
@@ -41,7 +45,7 @@ struct rig {
 
 static void advance_plant(struct rig *r, uint64_t time_ps)
 {
-    uint64_t steps = time_ps / (PLANT_STEP_US * PS_PER_US);
+    uint64_t steps = time_ps / STEP_PS;
     if (r->plant != NULL && steps > r->plant_steps) {
         plant_advance(r->plant, steps - r->plant_steps);
     }
@@ -101,13 +105,40 @@ static int64_t as_wired(enum rig_encoder_fault fault, int64_t position)
     }
 }
 
+/* The wheel whose encoder is plugged into this input. */
+static int wheel_of(const struct rig *r, int encoder)
+{
+    return r->encoders_swapped ? 1 - encoder : encoder;
+}
+
+/* Encoders are seen one plant step late: only then is it known when within a step an edge came, whatever the
+   bridges do next. Returns how much of the last step the wheel seems to have passed. */
+static double share_of_step(struct rig *r, uint64_t time_ps)
+{
+    advance_plant(r, time_ps);
+    double share = ((double)time_ps - (double)(r->plant_steps * STEP_PS)) / (double)STEP_PS;
+    return share < 0 ? 0 : share > 1 ? 1 : share;
+}
+
+/* A picosecond is added so that the edge has come for certain by then. */
+static uint64_t encoder_quiet_until(void *context, int encoder, uint64_t time_ps)
+{
+    struct rig *r = context;
+    if (r->plant == NULL || encoder >= RIG_WHEELS) {
+        return UINT64_MAX;
+    }
+    double steps = plant_encoder_quiet_steps(r->plant, wheel_of(r, encoder), share_of_step(r, time_ps));
+    return steps < MOST_QUIET_STEPS ? time_ps + (uint64_t)(steps * (double)STEP_PS) + 1
+                                    : time_ps + (uint64_t)(MOST_QUIET_STEPS * (double)STEP_PS);
+}
+
 static int64_t encoder_position(void *context, int encoder, uint64_t time_ps)
 {
     struct rig *r = context;
-    advance_plant(r, time_ps);
-    int64_t position = r->plant == NULL || encoder >= RIG_WHEELS
-                           ? 0
-                           : plant_encoder_position(r->plant, r->encoders_swapped ? 1 - encoder : encoder);
+    int64_t position = 0;
+    if (r->plant != NULL && encoder < RIG_WHEELS) {
+        position = plant_encoder_within(r->plant, wheel_of(r, encoder), share_of_step(r, time_ps));
+    }
     return as_wired(r->encoder[encoder].fault, position) + r->encoder[encoder].offset;
 }
 
@@ -166,9 +197,10 @@ struct rig *rig_create(const struct plant_params *robot, uint64_t seed, const ui
     if (r == NULL) {
         return NULL;
     }
-    struct board_options options = {.seed = seed,
-                                    .crystal_hz = CRYSTAL_HZ,
-                                    .wires = {r, pin_driven, encoder_position, pin_voltage, usart_sent}};
+    struct board_options options = {
+        .seed = seed,
+        .crystal_hz = CRYSTAL_HZ,
+        .wires = {r, pin_driven, encoder_position, encoder_quiet_until, pin_voltage, usart_sent}};
     memcpy(options.unique_id, unique_id, sizeof options.unique_id);
     r->plant = robot != NULL ? plant_create(robot, seed) : NULL;
     r->board = board_create(&options);

@@ -14,7 +14,7 @@
 #define PROTO_LOG_BLOCK_SIZE 512u
 #define PROTO_LOG_BLOCK_COUNT 160u
 #define PROTO_LOG_RECORD_VERSION 1u
-#define PROTO_SCHEMA_HASH 0x5efdaa96u
+#define PROTO_SCHEMA_HASH 0xadf94edcu
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
@@ -590,21 +590,30 @@ enum proto_parameter {
     PROTO_PARAMETER_ACCEL_LIMIT_MPS2 = 10, /* velocity mode: fastest change of the speed that is tracked, m/s^2 */
     PROTO_PARAMETER_VELOCITY_KP = 11, /* velocity mode: proportional gain, effort*s/m */
     PROTO_PARAMETER_VELOCITY_KI = 12, /* velocity mode: integral gain, effort/m */
-    PROTO_PARAMETER_FF_KS_LEFT = 13, /* feedforward against dry friction, left, effort */
-    PROTO_PARAMETER_FF_KS_RIGHT = 14, /* feedforward against dry friction, right, effort */
-    PROTO_PARAMETER_FF_KV_LEFT = 15, /* feedforward per speed, left, effort*s/m */
-    PROTO_PARAMETER_FF_KV_RIGHT = 16, /* feedforward per speed, right, effort*s/m */
-    PROTO_PARAMETER_FF_KA_LEFT = 17, /* feedforward per acceleration, left, effort*s^2/m */
-    PROTO_PARAMETER_FF_KA_RIGHT = 18, /* feedforward per acceleration, right, effort*s^2/m */
+    PROTO_PARAMETER_FF_KS_LEFT = 13, /* feedforward against dry friction, left wheel forward, effort */
+    PROTO_PARAMETER_FF_KS_RIGHT = 14, /* feedforward against dry friction, right wheel forward, effort */
+    PROTO_PARAMETER_FF_KV_LEFT = 15, /* feedforward per speed, left wheel forward, effort*s/m */
+    PROTO_PARAMETER_FF_KV_RIGHT = 16, /* feedforward per speed, right wheel forward, effort*s/m */
+    PROTO_PARAMETER_FF_KA_LEFT = 17, /* feedforward per acceleration, left wheel forward, effort*s^2/m */
+    PROTO_PARAMETER_FF_KA_RIGHT = 18, /* feedforward per acceleration, right wheel forward, effort*s^2/m */
     PROTO_PARAMETER_COMMAND_TIMEOUT_S = 19, /* silence after which a host-driven robot stops, latched, s */
     PROTO_PARAMETER_LOG_RATE_HZ = 20, /* samples per second of the log, Hz */
     PROTO_PARAMETER_BATTERY_LOW_V = 21, /* supply below which the wheels stop, V */
     PROTO_PARAMETER_BATTERY_HYSTERESIS_V = 22, /* supply must rise this far above battery_low_v before the fault can be cleared, V */
     PROTO_PARAMETER_ENCODER_SPEED_MAX_MPS = 23, /* wheel speed above which an encoder is not believed, m/s */
-    PROTO_PARAMETER_OVERSPEED_MPS = 24, /* wheel speed above which the wheels stop, m/s */
-    PROTO_PARAMETER_STALL_EFFORT = 25, /* effort that surely turns a free wheel: under it a wheel without counts is stalled or its encoder lost; above breakaway and scrub, effort */
+    PROTO_PARAMETER_FF_KS_LEFT_REVERSE = 24, /* feedforward against dry friction, left wheel in reverse, effort */
+    PROTO_PARAMETER_FF_KS_RIGHT_REVERSE = 25, /* feedforward against dry friction, right wheel in reverse, effort */
+    PROTO_PARAMETER_FF_KV_LEFT_REVERSE = 26, /* feedforward per speed, left wheel in reverse, effort*s/m */
+    PROTO_PARAMETER_FF_KV_RIGHT_REVERSE = 27, /* feedforward per speed, right wheel in reverse, effort*s/m */
+    PROTO_PARAMETER_FF_KA_LEFT_REVERSE = 28, /* feedforward per acceleration, left wheel in reverse, effort*s^2/m */
+    PROTO_PARAMETER_FF_KA_RIGHT_REVERSE = 29, /* feedforward per acceleration, right wheel in reverse, effort*s^2/m */
+    PROTO_PARAMETER_KICK_EFFORT = 30, /* velocity mode: added from standstill until the wheel turns; 0: none, effort */
+    PROTO_PARAMETER_KICK_LIMIT_S = 31, /* velocity mode: longest time that kick_effort is added, s */
+    PROTO_PARAMETER_SPEED_FROM_EDGES = 32, /* velocity mode: 1 takes speed from the times of encoder edges, 0 from counts over 16 ms */
+    PROTO_PARAMETER_OVERSPEED_MPS = 33, /* wheel speed above which the wheels stop, m/s */
+    PROTO_PARAMETER_STALL_EFFORT = 34, /* effort that surely turns a free wheel: under it a wheel without counts is stalled or its encoder lost; above breakaway and scrub, effort */
 };
-#define PROTO_PARAMETER_COUNT 26u
+#define PROTO_PARAMETER_COUNT 35u
 struct proto_parameter_info {
     const char *name;
     const char *unit;

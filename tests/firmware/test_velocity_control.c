@@ -14,9 +14,8 @@ void setUp(void)
     gains = (struct velocity_gains){
         .kp = 2.0f,
         .ki = 5.0f,
-        .ks = 0.03f,
-        .kv = 0.6f,
-        .ka = 0.1f,
+        .forward = {.ks = 0.03f, .kv = 0.6f, .ka = 0.1f},
+        .reverse = {.ks = 0.03f, .kv = 0.6f, .ka = 0.1f},
         .effort_limit = 1.0f,
         .effort_slew_per_s = 1000.0f,
         .accel_limit_mps2 = 1.0e5f,
@@ -29,31 +28,36 @@ void tearDown(void)
 {
 }
 
+/* One tick of a wheel whose speed is known from plain counts. */
+static float step(float command_mps, float measured_mps, bool still)
+{
+    const struct wheel_measure measured = {
+        .mps = measured_mps, .span_s = 0.016f, .age_s = 0.008f, .moved_m = 0.001f * measured_mps};
+    return velocity_control_step(&control, &gains, command_mps, &measured, still);
+}
+
 static void feedforward_alone_is_ks_sign_v_plus_kv_v_plus_ka_a(void)
 {
     gains.kp = 0.0f;
     gains.ki = 0.0f;
     gains.accel_limit_mps2 = 2.0f; /* 2 mm/s a tick */
-    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.03f + 0.6f * 0.002f + 0.1f * 2.0f,
-                             velocity_control_step(&control, &gains, 0.5f, 0.0f, false));
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.03f + 0.6f * 0.002f + 0.1f * 2.0f, step(0.5f, 0.0f, false));
     velocity_control_reset(&control, 0.5f, 0.0f);
-    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.03f + 0.6f * 0.5f,
-                             velocity_control_step(&control, &gains, 0.5f, 0.0f, false));
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.03f + 0.6f * 0.5f, step(0.5f, 0.0f, false));
     velocity_control_reset(&control, -0.5f, 0.0f);
-    TEST_ASSERT_FLOAT_WITHIN(1e-6f, -0.03f - 0.6f * 0.5f,
-                             velocity_control_step(&control, &gains, -0.5f, 0.0f, false));
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, -0.03f - 0.6f * 0.5f, step(-0.5f, 0.0f, false));
 }
 
 static void proportional_and_integral_terms_match_hand_calculation(void)
 {
-    gains.ks = gains.kv = gains.ka = 0.0f;
+    gains.forward = gains.reverse = (struct feedforward){0};
     velocity_control_reset(&control, 0.3f, 0.0f);
     /* error 0.1: 2 * 0.1 first, then one more tick's integral of 5 * 0.1 * 0.001 each time. */
-    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.2f, velocity_control_step(&control, &gains, 0.3f, 0.2f, false));
-    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.2005f, velocity_control_step(&control, &gains, 0.3f, 0.2f, false));
-    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.2010f, velocity_control_step(&control, &gains, 0.3f, 0.2f, false));
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.2f, step(0.3f, 0.2f, false));
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.2005f, step(0.3f, 0.2f, false));
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.2010f, step(0.3f, 0.2f, false));
     for (int i = 3; i < 100; i++) {
-        (void)velocity_control_step(&control, &gains, 0.3f, 0.2f, false);
+        (void)step(0.3f, 0.2f, false);
     }
     TEST_ASSERT_FLOAT_WITHIN(1e-5f, 0.05f, control.integral);
 }
@@ -61,17 +65,17 @@ static void proportional_and_integral_terms_match_hand_calculation(void)
 static void integral_does_not_wind_up_against_the_output_limit(void)
 {
     gains.effort_limit = 0.5f;
-    gains.ks = gains.ka = 0.0f;
+    gains.forward.ks = gains.forward.ka = 0.0f;
     velocity_control_reset(&control, 1.5f, 0.5f);
     for (int i = 0; i < 60000; i++) { /* a blocked wheel, for a minute */
-        TEST_ASSERT_EQUAL_FLOAT(0.5f, velocity_control_step(&control, &gains, 1.5f, 0.0f, false));
+        TEST_ASSERT_EQUAL_FLOAT(0.5f, step(1.5f, 0.0f, false));
     }
     TEST_ASSERT_EQUAL_FLOAT(0.0f, control.integral);
     /* Set free and faster than asked for: the effort leaves the limit as soon as the speed is known. */
-    for (int i = 0; i < VELOCITY_CONTROL_DELAY_MS; i++) {
-        (void)velocity_control_step(&control, &gains, 0.1f, 0.5f, false);
+    for (int i = 0; i < 8; i++) {
+        (void)step(0.1f, 0.5f, false);
     }
-    TEST_ASSERT_TRUE(velocity_control_step(&control, &gains, 0.1f, 0.5f, false) < 0.0f);
+    TEST_ASSERT_TRUE(step(0.1f, 0.5f, false) < 0.0f);
 }
 
 static void integral_comes_back_while_the_output_is_limited(void)
@@ -80,7 +84,7 @@ static void integral_comes_back_while_the_output_is_limited(void)
     velocity_control_reset(&control, 0.3f, 0.5f);
     control.integral = 2.0f;
     for (int i = 0; i < 100; i++) {
-        (void)velocity_control_step(&control, &gains, 0.3f, 0.5f, false);
+        (void)step(0.3f, 0.5f, false);
     }
     TEST_ASSERT_FLOAT_WITHIN(1e-3f, 2.0f - 5.0f * 0.2f * 0.1f, control.integral);
 }
@@ -90,7 +94,7 @@ static void effort_changes_no_faster_than_its_slew_limit(void)
     gains.effort_slew_per_s = 20.0f;
     float before = 0.0f;
     for (int i = 0; i < 300; i++) {
-        const float effort = velocity_control_step(&control, &gains, i < 100 ? 1.0f : -1.0f, 0.0f, false);
+        const float effort = step(i < 100 ? 1.0f : -1.0f, 0.0f, false);
         TEST_ASSERT_TRUE(fabsf(effort - before) <= 0.02f + 1e-6f);
         before = effort;
     }
@@ -101,11 +105,11 @@ static void tracked_speed_follows_the_acceleration_limit_and_arrives_exactly(voi
 {
     gains.accel_limit_mps2 = 3.0f;
     for (int i = 0; i < 99; i++) {
-        (void)velocity_control_step(&control, &gains, 0.3f, 0.0f, false);
+        (void)step(0.3f, 0.0f, false);
     }
     TEST_ASSERT_FLOAT_WITHIN(1e-4f, 0.297f, control.tracked_mps);
-    (void)velocity_control_step(&control, &gains, 0.3f, 0.0f, false);
-    (void)velocity_control_step(&control, &gains, 0.3f, 0.0f, false);
+    (void)step(0.3f, 0.0f, false);
+    (void)step(0.3f, 0.0f, false);
     TEST_ASSERT_EQUAL_FLOAT(0.3f, control.tracked_mps);
 }
 
@@ -114,7 +118,7 @@ static void output_never_passes_the_effort_limit(void)
     gains.effort_limit = 0.4f;
     for (int i = 0; i < 5000; i++) {
         const float command = sinf((float)i * 0.01f) * 3.0f;
-        const float effort = velocity_control_step(&control, &gains, command, -command, false);
+        const float effort = step(command, -command, false);
         TEST_ASSERT_TRUE(effort <= 0.4f && effort >= -0.4f);
     }
 }
@@ -122,7 +126,7 @@ static void output_never_passes_the_effort_limit(void)
 static void standing_wheel_told_to_stand_gets_no_effort(void)
 {
     control.integral = 0.2f;
-    TEST_ASSERT_EQUAL_FLOAT(0.0f, velocity_control_step(&control, &gains, 0.0f, 0.0f, true));
+    TEST_ASSERT_EQUAL_FLOAT(0.0f, step(0.0f, 0.0f, true));
     TEST_ASSERT_EQUAL_FLOAT(0.0f, control.integral);
 }
 
@@ -179,35 +183,52 @@ static void speed_steps_stay_at_gain_one_on_a_motor_that_the_feedforward_does_no
     check_step(0.60f, 1.65, 0.01, 0.10);
 }
 
-static void speed_is_read_from_counts_over_the_window(void)
+static void each_direction_has_its_own_feedforward(void)
 {
-    struct wheel_speed wheel;
-    wheel_speed_init(&wheel, INT32_MAX - 20); /* counters wrap in mid-flight */
-    int32_t counts = INT32_MAX - 20;
-    for (int i = 0; i < 50; i++) {
-        counts = (int32_t)((uint32_t)counts + 3u);
-        wheel_speed_step(&wheel, counts);
-    }
-    TEST_ASSERT_FLOAT_WITHIN(1e-4f, 0.3f, wheel_speed_mps(&wheel, 0.0001f));
-    TEST_ASSERT_FALSE(wheel_speed_is_still(&wheel));
-    for (int i = 0; i < WHEEL_SPEED_WINDOW_MS; i++) {
-        wheel_speed_step(&wheel, counts);
-    }
-    TEST_ASSERT_EQUAL_FLOAT(0.0f, wheel_speed_mps(&wheel, 0.0001f));
+    gains.kp = gains.ki = 0.0f;
+    gains.reverse = (struct feedforward){.ks = 0.05f, .kv = 0.8f, .ka = 0.2f};
+    velocity_control_reset(&control, 0.5f, 0.0f);
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 0.03f + 0.6f * 0.5f, step(0.5f, 0.0f, false));
+    velocity_control_reset(&control, -0.5f, 0.0f);
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, -0.05f - 0.8f * 0.5f, step(-0.5f, 0.0f, false));
 }
 
-static void wheel_is_still_when_one_edge_dithers_but_not_when_it_creeps(void)
+static void kick_pushes_a_standing_wheel_until_it_turns_and_never_longer_than_its_limit(void)
 {
-    struct wheel_speed wheel;
-    wheel_speed_init(&wheel, 0);
-    for (int i = 0; i < 1000; i++) {
-        wheel_speed_step(&wheel, i % 2);
-        TEST_ASSERT_TRUE(wheel_speed_is_still(&wheel));
+    gains.kp = gains.ki = 0.0f;
+    gains.forward = gains.reverse = (struct feedforward){0};
+    gains.kick_effort = 0.2f;
+    gains.kick_ms = 50;
+    for (int i = 0; i < 20; i++) {
+        TEST_ASSERT_EQUAL_FLOAT(-0.2f, step(-0.1f, 0.0f, true));
     }
-    for (int i = 0; i < 1000; i++) { /* 50 counts/s, 8 mm/s */
-        wheel_speed_step(&wheel, i / 20);
+    TEST_ASSERT_EQUAL_FLOAT(0.0f, step(-0.1f, -0.05f, false));
+    TEST_ASSERT_EQUAL_FLOAT(0.0f, step(-0.1f, 0.0f, false)); /* it has turned: no second push */
+
+    velocity_control_reset(&control, 0.0f, 0.0f);
+    int pushed_ms = 0;
+    for (int i = 0; i < 200; i++) {
+        pushed_ms += step(0.1f, 0.0f, true) > 0.0f ? 1 : 0;
     }
-    TEST_ASSERT_FALSE(wheel_speed_is_still(&wheel));
+    TEST_ASSERT_EQUAL(50, pushed_ms);
+}
+
+static void gain_falls_with_the_rate_of_counts_but_a_wheel_that_stands_still_gets_going(void)
+{
+    gains.kp = 2.0f;
+    gains.ki = 0.0f;
+    gains.forward = gains.reverse = (struct feedforward){0};
+    gains.metres_per_count = 0.006f; /* a count every 300 ms at 0.02 m/s */
+    velocity_control_reset(&control, 0.02f, 0.0f);
+    const float share = (float)VELOCITY_CONTROL_FULL_GAIN_MS / 300.0f;
+    TEST_ASSERT_FLOAT_WITHIN(1e-6f, 2.0f * share * 0.01f, step(0.02f, 0.01f, false));
+
+    gains.kp = 0.0f;
+    gains.ki = 6.0f;
+    velocity_control_reset(&control, 0.02f, 0.0f);
+    const struct wheel_measure standing = {.span_s = 1.0f, .age_s = 0.5f};
+    (void)velocity_control_step(&control, &gains, 0.02f, &standing, false);
+    TEST_ASSERT_FLOAT_WITHIN(1e-8f, 6.0f * 0.02f * 0.001f, control.integral);
 }
 
 int main(void)
@@ -223,7 +244,8 @@ int main(void)
     RUN_TEST(standing_wheel_told_to_stand_gets_no_effort);
     RUN_TEST(speed_steps_settle_within_half_a_second_at_gain_one);
     RUN_TEST(speed_steps_stay_at_gain_one_on_a_motor_that_the_feedforward_does_not_know);
-    RUN_TEST(speed_is_read_from_counts_over_the_window);
-    RUN_TEST(wheel_is_still_when_one_edge_dithers_but_not_when_it_creeps);
+    RUN_TEST(each_direction_has_its_own_feedforward);
+    RUN_TEST(kick_pushes_a_standing_wheel_until_it_turns_and_never_longer_than_its_limit);
+    RUN_TEST(gain_falls_with_the_rate_of_counts_but_a_wheel_that_stands_still_gets_going);
     return UNITY_END();
 }

@@ -76,6 +76,7 @@ bool hal_fault_record(struct hal_fault_record *out)
 
 void hal_sense(struct hal_sample *out)
 {
+    current->sample.now_us += HAL_HOST_TICK_US;
     *out = current->sample;
 }
 

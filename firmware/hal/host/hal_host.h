@@ -4,7 +4,8 @@
 
 #include "hal.h"
 
-enum { HAL_HOST_RECEIVE_SIZE = 8192, HAL_HOST_SEND_SIZE = 65536 };
+/* A tick's time passes from one look at the sensors to the next. */
+enum { HAL_HOST_RECEIVE_SIZE = 8192, HAL_HOST_SEND_SIZE = 65536, HAL_HOST_TICK_US = 1000 };
 
 struct hal_host {
     struct hal_sample sample; /* what the core senses */

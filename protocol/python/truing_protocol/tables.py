@@ -18,7 +18,7 @@ MAX_SEGMENTS: Final = 256
 LOG_BLOCK_SIZE: Final = 512
 LOG_BLOCK_COUNT: Final = 160
 LOG_RECORD_VERSION: Final = 1
-SCHEMA_HASH: Final = 0x5efdaa96
+SCHEMA_HASH: Final = 0xadf94edc
 REFUSAL_ID: Final = 0xff
 REPLY_BIT: Final = 0x80
 
@@ -66,19 +66,28 @@ PARAMETERS: Final[tuple[ParameterInfo, ...]] = (
     ParameterInfo(10, "accel_limit_mps2", "m/s^2", ParameterKind.REAL, 0.05, 100.0, 3.0, "velocity mode: fastest change of the speed that is tracked"),
     ParameterInfo(11, "velocity_kp", "effort*s/m", ParameterKind.REAL, 0.0, 100.0, 2.0, "velocity mode: proportional gain"),
     ParameterInfo(12, "velocity_ki", "effort/m", ParameterKind.REAL, 0.0, 1000.0, 6.0, "velocity mode: integral gain"),
-    ParameterInfo(13, "ff_ks_left", "effort", ParameterKind.REAL, 0.0, 1.0, 0.02, "feedforward against dry friction, left"),
-    ParameterInfo(14, "ff_ks_right", "effort", ParameterKind.REAL, 0.0, 1.0, 0.02, "feedforward against dry friction, right"),
-    ParameterInfo(15, "ff_kv_left", "effort*s/m", ParameterKind.REAL, 0.0, 100.0, 0.66, "feedforward per speed, left"),
-    ParameterInfo(16, "ff_kv_right", "effort*s/m", ParameterKind.REAL, 0.0, 100.0, 0.66, "feedforward per speed, right"),
-    ParameterInfo(17, "ff_ka_left", "effort*s^2/m", ParameterKind.REAL, 0.0, 100.0, 0.22, "feedforward per acceleration, left"),
-    ParameterInfo(18, "ff_ka_right", "effort*s^2/m", ParameterKind.REAL, 0.0, 100.0, 0.22, "feedforward per acceleration, right"),
+    ParameterInfo(13, "ff_ks_left", "effort", ParameterKind.REAL, 0.0, 1.0, 0.02, "feedforward against dry friction, left wheel forward"),
+    ParameterInfo(14, "ff_ks_right", "effort", ParameterKind.REAL, 0.0, 1.0, 0.02, "feedforward against dry friction, right wheel forward"),
+    ParameterInfo(15, "ff_kv_left", "effort*s/m", ParameterKind.REAL, 0.0, 100.0, 0.66, "feedforward per speed, left wheel forward"),
+    ParameterInfo(16, "ff_kv_right", "effort*s/m", ParameterKind.REAL, 0.0, 100.0, 0.66, "feedforward per speed, right wheel forward"),
+    ParameterInfo(17, "ff_ka_left", "effort*s^2/m", ParameterKind.REAL, 0.0, 100.0, 0.22, "feedforward per acceleration, left wheel forward"),
+    ParameterInfo(18, "ff_ka_right", "effort*s^2/m", ParameterKind.REAL, 0.0, 100.0, 0.22, "feedforward per acceleration, right wheel forward"),
     ParameterInfo(19, "command_timeout_s", "s", ParameterKind.REAL, 0.05, 10.0, 0.5, "silence after which a host-driven robot stops, latched"),
     ParameterInfo(20, "log_rate_hz", "Hz", ParameterKind.INTEGER, 1.0, 200.0, 20.0, "samples per second of the log"),
     ParameterInfo(21, "battery_low_v", "V", ParameterKind.REAL, 0.0, 60.0, 9.0, "supply below which the wheels stop"),
     ParameterInfo(22, "battery_hysteresis_v", "V", ParameterKind.REAL, 0.0, 5.0, 0.5, "supply must rise this far above battery_low_v before the fault can be cleared"),
     ParameterInfo(23, "encoder_speed_max_mps", "m/s", ParameterKind.REAL, 0.1, 50.0, 4.0, "wheel speed above which an encoder is not believed"),
-    ParameterInfo(24, "overspeed_mps", "m/s", ParameterKind.REAL, 0.1, 50.0, 2.0, "wheel speed above which the wheels stop"),
-    ParameterInfo(25, "stall_effort", "effort", ParameterKind.REAL, 0.05, 1.0, 0.25, "effort that surely turns a free wheel: under it a wheel without counts is stalled or its encoder lost; above breakaway and scrub"),
+    ParameterInfo(24, "ff_ks_left_reverse", "effort", ParameterKind.REAL, 0.0, 1.0, 0.02, "feedforward against dry friction, left wheel in reverse"),
+    ParameterInfo(25, "ff_ks_right_reverse", "effort", ParameterKind.REAL, 0.0, 1.0, 0.02, "feedforward against dry friction, right wheel in reverse"),
+    ParameterInfo(26, "ff_kv_left_reverse", "effort*s/m", ParameterKind.REAL, 0.0, 100.0, 0.66, "feedforward per speed, left wheel in reverse"),
+    ParameterInfo(27, "ff_kv_right_reverse", "effort*s/m", ParameterKind.REAL, 0.0, 100.0, 0.66, "feedforward per speed, right wheel in reverse"),
+    ParameterInfo(28, "ff_ka_left_reverse", "effort*s^2/m", ParameterKind.REAL, 0.0, 100.0, 0.22, "feedforward per acceleration, left wheel in reverse"),
+    ParameterInfo(29, "ff_ka_right_reverse", "effort*s^2/m", ParameterKind.REAL, 0.0, 100.0, 0.22, "feedforward per acceleration, right wheel in reverse"),
+    ParameterInfo(30, "kick_effort", "effort", ParameterKind.REAL, 0.0, 1.0, 0.0, "velocity mode: added from standstill until the wheel turns; 0: none"),
+    ParameterInfo(31, "kick_limit_s", "s", ParameterKind.REAL, 0.0, 1.0, 0.1, "velocity mode: longest time that kick_effort is added"),
+    ParameterInfo(32, "speed_from_edges", "", ParameterKind.FLAG, 0.0, 1.0, 1.0, "velocity mode: 1 takes speed from the times of encoder edges, 0 from counts over 16 ms"),
+    ParameterInfo(33, "overspeed_mps", "m/s", ParameterKind.REAL, 0.1, 50.0, 2.0, "wheel speed above which the wheels stop"),
+    ParameterInfo(34, "stall_effort", "effort", ParameterKind.REAL, 0.05, 1.0, 0.25, "effort that surely turns a free wheel: under it a wheel without counts is stalled or its encoder lost; above breakaway and scrub"),
 )
 
 FAULTS: Final[tuple[FaultInfo, ...]] = (

@@ -1,0 +1,144 @@
+/* External interrupts: edges at the pins of wired encoders, and by software; RM0090 section 12.2.
+ *
+ * An edge at a pin is not looked for at every moment. The wires say up to when an encoder surely rests; an
+ * event waits there, and only for lines that would interrupt. What else reads the unit brings it up to date
+ * first. */
+#include "machine.h"
+
+enum { MODE_OUTPUT = 1, MODE_ANALOG = 3, PHASES = 2, STATES = 4, LINES = 16 };
+
+static unsigned irq_of(unsigned line)
+{
+    return line < 5 ? IRQ_EXTI0 + line : line < 10 ? IRQ_EXTI9_5 : IRQ_EXTI15_10;
+}
+
+static void update_lines(struct board *b)
+{
+    uint32_t on = b->exti.pr & b->exti.imr;
+    for (unsigned i = 0; i < 5; i++) {
+        nvic_set_line(b, irq_of(i), (on >> i & 1u) != 0);
+    }
+    nvic_set_line(b, IRQ_EXTI9_5, (on & 0x03E0u) != 0);
+    nvic_set_line(b, IRQ_EXTI15_10, (on & 0xFC00u) != 0);
+}
+
+/* Bit of the line that watches a pin, 0 when none does. Its input stage is off in analogue mode
+   (RM0090 8.3.12); beside an alternate function it stays on (8.3.11). */
+static uint32_t line_of(const struct board *b, struct board_pin pin)
+{
+    uint32_t port = (uint32_t)(pin.port - 'A');
+    uint32_t chosen = b->syscfg_exticr[pin.number / 4] >> (4 * (pin.number % 4)) & 0xFu;
+    uint32_t mode = b->gpio[port].moder >> (2 * pin.number) & 3u;
+    return chosen == port && mode != MODE_OUTPUT && mode != MODE_ANALOG ? 1u << pin.number : 0;
+}
+
+static int64_t position_of(struct board *b, int encoder)
+{
+    return b->options.wires.encoder_position(b->options.wires.context, encoder, time_to_ps(b, b->moment));
+}
+
+/* Takes in the edges between the position seen last and the present one; more than a whole period repeats
+ * itself. */
+static void follow(struct board *b, int encoder)
+{
+    const struct wired_encoder *w = &b->encoder[encoder];
+    struct exti *e = &b->exti;
+    const uint64_t rests_until = b->events[EVENT_EXTI0 + encoder].at;
+    if (rests_until != NEVER && b->moment < rests_until) {
+        return;
+    }
+    int64_t now = position_of(b, encoder);
+    int64_t at = e->seen[encoder];
+    int64_t step = now > at ? 1 : -1;
+    e->seen[encoder] = now;
+    for (int n = 0; n < STATES && at != now; n++, at += step) {
+        for (int phase = 0; phase < PHASES; phase++) {
+            bool before = phase_level(at, phase == 1);
+            bool after = phase_level(at + step, phase == 1);
+            if (before != after) {
+                e->pr |= line_of(b, phase == 0 ? w->a : w->b) & (after ? e->rtsr : e->ftsr);
+            }
+        }
+    }
+}
+
+void exti_sync(struct board *b)
+{
+    for (int i = 0; i < ENCODERS; i++) {
+        if (b->encoder[i].wired && b->options.wires.encoder_position != NULL) {
+            follow(b, i);
+        }
+    }
+    update_lines(b);
+}
+
+/* Looks ahead for every encoder one of whose next edges would interrupt. */
+void exti_schedule(struct board *b)
+{
+    const struct board_wires *wires = &b->options.wires;
+    uint32_t awaited = b->exti.imr & (b->exti.rtsr | b->exti.ftsr) & ~b->exti.pr;
+    for (int i = 0; i < ENCODERS; i++) {
+        const struct wired_encoder *w = &b->encoder[i];
+        const unsigned id = EVENT_EXTI0 + (unsigned)i;
+        bool waits = w->wired && wires->encoder_quiet_until != NULL &&
+                     ((line_of(b, w->a) | line_of(b, w->b)) & awaited) != 0;
+        if (!waits) {
+            event_cancel(b, id);
+        } else if (b->events[id].at == NEVER) {
+            event_at_ps(b, id, wires->encoder_quiet_until(wires->context, i, time_to_ps(b, b->moment)));
+        }
+    }
+}
+
+void exti_event(struct board *b, int encoder)
+{
+    follow(b, encoder);
+    update_lines(b);
+    exti_schedule(b);
+}
+
+void exti_reset(struct board *b)
+{
+    b->exti = (struct exti){0};
+    exti_schedule(b);
+}
+
+static void note_unwatched(struct board *b)
+{
+    uint32_t wired = 0;
+    for (int i = 0; i < ENCODERS; i++) {
+        wired |= b->encoder[i].wired ? 1u << b->encoder[i].a.number | 1u << b->encoder[i].b.number : 0;
+    }
+    if (((b->exti.rtsr | b->exti.ftsr) & ((1u << LINES) - 1u) & ~wired) != 0) {
+        note_oddity(b, 0xF00000D0u, "EXTI follows edges at the pins of encoders only");
+    }
+}
+
+/* The pending register collects edges whether or not they may interrupt: the mask lies behind it (block
+ * diagram in 12.2.2).
+ */
+bool exti_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
+{
+    struct exti *e = &b->exti;
+    uint32_t *const store[] = {&e->imr, &e->emr, &e->rtsr, &e->ftsr};
+    if (offset > 0x14) {
+        return false;
+    }
+    exti_sync(b);
+    if (offset < 0x10) {
+        *store[offset / 4] = write ? *value & 0x7FFFFFu : *store[offset / 4];
+        *value = *store[offset / 4];
+        note_unwatched(b);
+    } else if (offset == 0x10) {
+        e->pr |= write ? *value & e->imr : 0;
+        *value = 0;
+    } else {
+        e->pr &= write ? ~*value : ~0u;
+        *value = e->pr;
+    }
+    if (write) {
+        update_lines(b);
+        exti_schedule(b);
+    }
+    return true;
+}
