@@ -48,7 +48,7 @@ def render_report(recordings: RecordingSet, result: Identification) -> str:
         lead=escape(_lead(recordings)),
         facts=_facts(_set_facts(recordings, result)),
         findings=_findings(result),
-        results=_results(result) + _overlay_section(laid_over),
+        results=_overlay_section(laid_over) + _results(result),
         runs="".join(
             _run_section(run, view, number)
             for number, (run, view) in enumerate(zip(recordings, views, strict=True), start=1)

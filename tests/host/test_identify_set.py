@@ -226,7 +226,11 @@ def test_truing_identify_prints_tables_and_writes_a_folder(folder: Path, tmp_pat
     assert result.exit_code == 0
     assert "Table IV" in result.stdout
     names = {path.name for path in out.iterdir()}
-    assert names == {"report.html", "identification.json", "steps.csv", "first_order.csv", "01_XI.png"}
+    files = {"report.html", "identification.json", "steps.csv", "first_order.csv", "01_XI.png"}
+    assert names == files | {"tables"}
+    tables = {path.name for path in (out / "tables").iterdir()}
+    assert {"steps_several_levels.csv", "steps_several_levels.png", "steps_their_shape.csv"} <= tables
+    assert len([name for name in tables if name.endswith(".csv")]) * 2 == len(tables)
 
 
 def test_truing_identify_json_is_json_and_nothing_else(folder: Path) -> None:

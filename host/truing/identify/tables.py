@@ -111,7 +111,11 @@ def shape_table(result: Identification) -> PlainTable:
         for side in _moving_sides(run):
             for step in side.steps:
                 quantities = (
-                    *((step.gain, 2), (step.time_constant, 3), (step.dead_time, 3)),
+                    *(
+                        (step.gain, 2 if step.kind == "effort" else 3),
+                        (step.time_constant, 3),
+                        (step.dead_time, 3),
+                    ),
                     *((step.overshoot, 1), (step.undershoot, 1), (step.ripple, 1)),
                 )
                 cells = [_with_interval(table, quantity, digits) for quantity, digits in quantities]
