@@ -117,7 +117,7 @@ static double share_of_step(struct rig *r, uint64_t time_ps)
 static uint64_t encoder_quiet_until(void *context, int encoder, uint64_t time_ps)
 {
     struct rig *r = context;
-    if (r->plant == NULL || encoder >= RIG_WHEELS) {
+    if (r->plant == NULL || encoder < 0 || encoder >= RIG_WHEELS) {
         return UINT64_MAX;
     }
     double steps = plant_encoder_quiet_steps(r->plant, encoder, share_of_step(r, time_ps));
@@ -129,7 +129,10 @@ static int64_t encoder_position(void *context, int encoder, uint64_t time_ps)
 {
     struct rig *r = context;
     int64_t position = 0;
-    if (r->plant != NULL && encoder < RIG_WHEELS) {
+    if (encoder < 0 || encoder >= RIG_WHEELS) {
+        return 0;
+    }
+    if (r->plant != NULL) {
         position = plant_encoder_within(r->plant, encoder, share_of_step(r, time_ps));
     }
     return as_wired(r->encoder[encoder].fault, position) + r->encoder[encoder].offset;
