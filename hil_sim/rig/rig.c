@@ -305,6 +305,9 @@ double rig_led(const struct rig *rig)
 
 void rig_encoder_fault(struct rig *rig, int wheel, enum rig_encoder_fault fault)
 {
+    if (wheel < 0 || wheel >= RIG_WHEELS) {
+        return;
+    }
     uint64_t now_ps = board_time_ps(rig->board);
     struct encoder *e = &rig->encoder[wheel];
     int64_t before = encoder_position(rig, wheel, now_ps);
