@@ -95,7 +95,7 @@ NOISES = {
     "with memory": Noise(0.006, 0.5),
     "slow": Noise(0.006, 0.8),
     "counts": Noise(0.003, 0.3, 0.399 / 2400),
-    "coarse counts": Noise(0.0, 0.0, 0.399 / 600),
+    "coarse counts": Noise(0.0, 0.0, 0.399 / 300),
 }
 
 
