@@ -124,7 +124,7 @@ static double share_of_step(struct rig *r, uint64_t time_ps)
 static uint64_t encoder_quiet_until(void *context, int encoder, uint64_t time_ps)
 {
     struct rig *r = context;
-    if (r->plant == NULL || encoder >= RIG_WHEELS) {
+    if (r->plant == NULL || encoder < 0 || encoder >= RIG_WHEELS) {
         return UINT64_MAX;
     }
     double steps = plant_encoder_quiet_steps(r->plant, wheel_of(r, encoder), share_of_step(r, time_ps));
@@ -136,7 +136,10 @@ static int64_t encoder_position(void *context, int encoder, uint64_t time_ps)
 {
     struct rig *r = context;
     int64_t position = 0;
-    if (r->plant != NULL && encoder < RIG_WHEELS) {
+    if (encoder < 0 || encoder >= RIG_WHEELS) {
+        return 0;
+    }
+    if (r->plant != NULL) {
         position = plant_encoder_within(r->plant, wheel_of(r, encoder), share_of_step(r, time_ps));
     }
     return as_wired(r->encoder[encoder].fault, position) + r->encoder[encoder].offset;
@@ -309,6 +312,9 @@ double rig_led(const struct rig *rig)
 
 void rig_encoder_fault(struct rig *rig, int wheel, enum rig_encoder_fault fault)
 {
+    if (wheel < 0 || wheel >= RIG_WHEELS) {
+        return;
+    }
     uint64_t now_ps = board_time_ps(rig->board);
     struct encoder *e = &rig->encoder[wheel];
     int64_t before = encoder_position(rig, wheel, now_ps);

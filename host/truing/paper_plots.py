@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,9 +11,8 @@ import numpy as np
 from truing.paper_gains import GainStudy, GainTable, Rung, predict
 from truing.paper_models import ModelStudy
 from truing.paper_mom import PRINTED_MODEL, REAL, MomStudy
-from truing.plot import DOTS_PER_INCH, STYLE
+from truing.pictures import save_picture
 from truing.recording import FloatArray
-from truing.recording_writer import replace_file
 from truing.run_view import COLOURS, NEUTRAL, REFERENCE
 
 if TYPE_CHECKING:
@@ -23,22 +20,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 PIVOT, STRAIGHT, THIRD = COLOURS["right"], COLOURS["left"], REFERENCE
-
-
-def save_picture(path: Path, size: tuple[float, float], draw: Callable[[Figure], None]) -> Path:
-    """Let `draw` fill a figure of `size` inches, and write it at `path`."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=size, dpi=DOTS_PER_INCH, layout="constrained")
-        canvas = FigureCanvasAgg(figure)
-        draw(figure)
-        out = io.BytesIO()
-        canvas.print_png(out, metadata={"Software": "truing"})  # type: ignore[no-untyped-call]
-    replace_file(path, out.getvalue())
-    return path
 
 
 def save_gains(study: GainStudy, path: Path) -> Path:

@@ -16,6 +16,7 @@ from truing.identify.data_checks import summarise
 from truing.identify.first_order import FirstOrderFit
 from truing.identify.identification import Identification
 from truing.identify.tables import PlainTable, fits_csv, result_tables, steps_csv, unstepped
+from truing.overlays import Overlay, overlay_figure, overlays
 from truing.recording import RecordingSet, Run, RunMetadata, Wheel
 from truing.recording_writer import replace_file
 from truing.report_figures import run_figures
@@ -37,6 +38,8 @@ def render_report(recordings: RecordingSet, result: Identification) -> str:
         for number, view in enumerate(views, start=1)
         for kind, figure in run_figures(view).items()
     }
+    laid_over = overlays(recordings, result) if len(recordings) > 1 else []
+    figures |= {overlay.name: overlay_figure(overlay) for overlay in laid_over}
     title = views[0].title if len(views) == 1 else recordings.name
     template = Template(resources.files("truing").joinpath("templates/report.html").read_text("utf-8"))
     return template.substitute(
@@ -45,7 +48,7 @@ def render_report(recordings: RecordingSet, result: Identification) -> str:
         lead=escape(_lead(recordings)),
         facts=_facts(_set_facts(recordings, result)),
         findings=_findings(result),
-        results=_results(result),
+        results=_overlay_section(laid_over) + _results(result),
         runs="".join(
             _run_section(run, view, number)
             for number, (run, view) in enumerate(zip(recordings, views, strict=True), start=1)
@@ -127,6 +130,20 @@ def _results(result: Identification) -> str:
     return "".join(parts)
 
 
+def _overlay_section(laid_over: list[Overlay]) -> str:
+    if not laid_over:
+        return ""
+    places = "".join(
+        f'<div class="plots single"><div class="plot" id="{overlay.name}"></div></div>'
+        for overlay in laid_over
+    )
+    lead = (
+        "Runs of one kind over each other, as the paper's Figures 3 to 9: speeds over what the largest level "
+        "asks for, dashed the inputs over the largest."
+    )
+    return f'<h2>Runs laid over each other</h2><p class="lead">{escape(lead)}</p>{places}'
+
+
 def _download(name: str, text: str) -> str:
     data = base64.b64encode(text.encode("utf-8")).decode("ascii")
     return f'<a download="{name}" href="data:text/csv;base64,{data}">{name}</a>'
@@ -156,7 +173,7 @@ def _marked(text: str) -> str:
     """A cell with its note marks raised and the wheels in their colours."""
     if text in ("left", "right"):
         return f'<span class="{text}">{text}</span>'
-    return escape(text).replace("[", "<sup>").replace("]", "</sup>")
+    return escape(text).replace("[", "<sup>").replace("]", "</sup>").replace("\n", "<br>")
 
 
 def _run_section(run: Run, view: RunView, number: int) -> str:

@@ -76,10 +76,10 @@ def _speeds(view: RunView) -> Figure:
         "plot_bgcolor": "white",
         "hovermode": "x unified",
         "legend": LEGEND,
-        "xaxis": AXIS | {"title": _title("time, s"), "anchor": "y2", "zeroline": False},
-        "yaxis": AXIS | {"title": _title("speed at the rim, m/s"), "domain": [0.36, 1.0]},
-        "yaxis2": AXIS | {"title": _title("effort, %"), "domain": [0.0, 0.26]},
-        "annotations": [_heading("Wheel speed", 1.0), _heading("Applied effort", 0.26)],
+        "xaxis": AXIS | {"title": axis_title("time, s"), "anchor": "y2", "zeroline": False},
+        "yaxis": AXIS | {"title": axis_title("speed at the rim, m/s"), "domain": [0.36, 1.0]},
+        "yaxis2": AXIS | {"title": axis_title("effort, %"), "domain": [0.0, 0.26]},
+        "annotations": [figure_heading("Wheel speed", 1.0), figure_heading("Applied effort", 0.26)],
     }
     return {"data": traces, "layout": layout}
 
@@ -116,26 +116,32 @@ def _path(path: PathView) -> Figure:
         "legend": LEGEND,
         "showlegend": True,
         "xaxis": AXIS
-        | {"title": _title("x, forward at the start, m"), "range": [low_x, high_x], "constrain": "domain"},
+        | {
+            "title": axis_title("x, forward at the start, m"),
+            "range": [low_x, high_x],
+            "constrain": "domain",
+        },
         "yaxis": AXIS
         | {
-            "title": _title("y, to the left at the start, m"),
+            "title": axis_title("y, to the left at the start, m"),
             "range": [low_y, high_y],
             "scaleanchor": "x",
             "scaleratio": 1,
             "constrain": "domain",
             "constraintoward": "top",
         },
-        "annotations": [_heading("Path on the floor", 1.0)],
+        "annotations": [figure_heading("Path on the floor", 1.0)],
     }
     return {"data": traces, "layout": layout}
 
 
-def _title(text: str) -> dict[str, Any]:
+def axis_title(text: str) -> dict[str, Any]:
+    """An axis title."""
     return {"text": text, "standoff": 8, "font": {"size": 12.5}}
 
 
-def _heading(text: str, top: float) -> dict[str, Any]:
+def figure_heading(text: str, top: float) -> dict[str, Any]:
+    """A heading at the top left of a plot whose upper edge is at `top` of the figure."""
     return {
         "text": f"<b>{text}</b>",
         "xref": "paper",
@@ -196,6 +202,12 @@ def thin(values: FloatArray, most: int = MOST_POINTS) -> NDArray[np.intp]:
     ends = np.array([0, n - 1])
     rows = np.concatenate((base + body.argmin(axis=1), base + body.argmax(axis=1), gaps, ends))
     return np.unique(rows)
+
+
+def figure_numbers(times: FloatArray, values: FloatArray) -> tuple[list[float | None], list[float | None]]:
+    """A curve's points as the page holds them: thinned, rounded, a gap as null."""
+    kept = thin(values)
+    return _numbers(times[kept]), _numbers(values[kept])
 
 
 def _numbers(values: FloatArray) -> list[float | None]:

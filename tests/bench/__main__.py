@@ -14,7 +14,7 @@ from rich.table import Table
 from bench.figure import Figure
 
 ROOT = Path(__file__).resolve().parents[2]
-BENCHES = ("image_size", "cli_overhead", "board_speed", "log_download", "identify_speed", "emps")
+BENCHES = ("image_size", "cli_overhead", "board_speed", "log_download", "identify_speed", "emps", "low_speed")
 
 
 def _measure(names: tuple[str, ...], console: Console) -> list[Figure]:

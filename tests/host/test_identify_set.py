@@ -71,7 +71,7 @@ def test_runs_carry_the_papers_labels(paper_like: Identification) -> None:
 
 
 def test_one_level_goes_to_table_iii_and_several_to_table_iv(paper_like: Identification) -> None:
-    three, four, _ = result_tables(paper_like)
+    three, four, shape, _ = result_tables(paper_like)
     assert "Table III" in three.title
     expected = [["01_I", "E-L", "left", "30 %"], ["02_V", "V-L", "left", "0.30 m/s"]]
     assert [row[:4] for row in three.rows] == expected
@@ -79,6 +79,8 @@ def test_one_level_goes_to_table_iii_and_several_to_table_iv(paper_like: Identif
     steps = ["0 → 35 %", "35 → 50 %", "50 → 45 %", "45 → 0 %"]
     assert [row[3] for row in four.rows] == steps * 2
     up, down = four.header.index("τ up, s"), four.header.index("τ down, s")
+    assert shape.header[-4:] == ["Dead time, s", "Over, %", "Under, %", "Ripple, mm/s"]
+    assert len(shape.rows) == 2 * 2 + 2 * 4
     assert [bool(row[up]) for row in four.rows[:4]] == [True, True, False, False]
     assert [bool(row[down]) for row in four.rows[:4]] == [False, False, True, True]
 
@@ -92,7 +94,8 @@ def test_the_terminal_shows_every_number_and_every_remark(paper_like: Identifica
     text = printed(paper_like)
     for table in result_tables(paper_like):
         for row in table.rows:
-            assert row[4] in text
+            for line in row[4].split("\n"):
+                assert line in text
     assert "mm/s per %" in text
     assert "63.2 %" in text
 
@@ -223,7 +226,11 @@ def test_truing_identify_prints_tables_and_writes_a_folder(folder: Path, tmp_pat
     assert result.exit_code == 0
     assert "Table IV" in result.stdout
     names = {path.name for path in out.iterdir()}
-    assert names == {"report.html", "identification.json", "steps.csv", "first_order.csv", "01_XI.png"}
+    files = {"report.html", "identification.json", "steps.csv", "first_order.csv", "01_XI.png"}
+    assert names == files | {"tables"}
+    tables = {path.name for path in (out / "tables").iterdir()}
+    assert {"steps_several_levels.csv", "steps_several_levels.png", "steps_their_shape.csv"} <= tables
+    assert len([name for name in tables if name.endswith(".csv")]) * 2 == len(tables)
 
 
 def test_truing_identify_json_is_json_and_nothing_else(folder: Path) -> None:

@@ -196,7 +196,7 @@ def test_a_hostile_name_cannot_leave_its_place() -> None:
 def test_every_run_has_its_figures_with_finite_numbers() -> None:
     page = page_of(driven(name="01_a"), driven(name="02_b", columns=("vel",)))
     figures = figures_in(page)
-    assert set(figures) == {"speeds-1", "path-1", "speeds-2", "path-2"}
+    assert set(figures) == {"speeds-1", "path-1", "speeds-2", "path-2", "overlay-E-B-3"}
     names = [trace["name"] for trace in figures["speeds-1"]["data"]]  # type: ignore[attr-defined, index]
     assert {"left, measured", "right, measured", "left, model (free run)"} <= set(names)
     for name in figures:

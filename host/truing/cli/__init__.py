@@ -27,6 +27,7 @@ COMMANDS: dict[str, str] = {
     "run": "Drive a plan, fetch its log, write it as a run.",
     "step": "Drive one quick step and identify it.",
     "plan": "List, show and check run plans.",
+    "tune": "Learn the feedforward of velocity mode from a short drive.",
     "stop": "Brake both wheels now.",
     "faults": "Show the board's faults, or clear them.",
     "params": "List, change, save and compare the board's parameters.",

@@ -153,6 +153,7 @@ _OUT_OPTION = click.option(
 
 def _save(out: Path | None, name: str, tables: Sequence[PlainTable], draw: Draw) -> list[str]:
     """Write the picture and the tables; returns where."""
+    from truing.pictures import save_table
     from truing.recording_writer import replace_file
     from truing.workspace import out_folder
 
@@ -161,7 +162,7 @@ def _save(out: Path | None, name: str, tables: Sequence[PlainTable], draw: Draw)
     for number, table in enumerate(tables, start=1):
         path = folder / (f"{name}.csv" if number == 1 else f"{name}_{number}.csv")
         replace_file(path, table.to_csv().encode("utf-8"))
-        written.append(path)
+        written += [path, save_table(table, path.with_name(f"{path.stem}_table.png"))]
     return [str(path) for path in written]
 
 

@@ -199,6 +199,10 @@ def _side_to_json(side: WheelSteps) -> dict[str, Any]:
                 "steady_mps": step.steady_mps,
                 "gain": step.gain.to_json(),
                 "time_constant_s": step.time_constant.to_json(),
+                "dead_time_s": step.dead_time.to_json(),
+                "overshoot_percent": step.overshoot.to_json(),
+                "undershoot_percent": step.undershoot.to_json(),
+                "ripple_mmps": step.ripple.to_json(),
                 "notes": list(step.notes),
             }
             for step in side.steps

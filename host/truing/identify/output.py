@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 from truing.identify.identification import Identification
-from truing.identify.tables import fits_csv, steps_csv
+from truing.identify.tables import fits_csv, result_tables, steps_csv
+from truing.overlays import overlays, save_overlay
+from truing.pictures import save_table
 from truing.plot import save_png
 from truing.recording import RecordingSet
 from truing.recording_writer import replace_file
@@ -22,6 +25,9 @@ def save_identification(
     progress: Callable[[float], None] | None = None,
 ) -> list[Path]:
     """Write report.html, identification.json, steps.csv, first_order.csv and a PNG of each run.
+
+    Every printed table goes to tables/ as CSV and PNG; runs of one kind laid over each other become
+    overlay-*.png.
 
     Returns
     -------
@@ -38,6 +44,14 @@ def save_identification(
         if text:
             replace_file(folder / name, text.encode("utf-8"))
             written.append(folder / name)
+    for table in result_tables(result):
+        name = re.sub(r"[^a-z0-9]+", "_", table.title.split(" (")[0].lower())
+        replace_file(folder / "tables" / f"{name}.csv", table.to_csv().encode("utf-8"))
+        written += [folder / "tables" / f"{name}.csv", save_table(table, folder / "tables" / f"{name}.png")]
+    if len(recordings) > 1:
+        written += [
+            save_overlay(overlay, folder / f"{overlay.name}.png") for overlay in overlays(recordings, result)
+        ]
     for number, run in enumerate(recordings, start=1):
         view = view_run(run, recordings.baseline, whole_fits(result))
         written.append(save_png(view, folder / f"{run.name}.png"))

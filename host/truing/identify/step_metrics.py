@@ -1,7 +1,8 @@
-"""Gain and time constant of each step of a run, as the paper's Tables III and IV count them."""
+"""What each step of a run shows: gain, time constant, dead time, overshoot, undershoot, ripple."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -10,14 +11,12 @@ import numpy as np
 from truing.baseline import Baseline
 from truing.identify.levels import STEADY_SHARE, InputKind, Level, find_levels
 from truing.identify.quantity import Quantity
+from truing.identify.step_noise import WindowNoise, window_noise
+from truing.identify.step_response import Response, ripple_of, rows_before, rows_inside
 from truing.recording import FloatArray, Run, Wheel, WheelSpeed
 
 Direction: TypeAlias = Literal["up", "down", "reversal", "none"]
 
-# A first-order wheel has gone this share of its way after one time constant.
-ONE_TIME_CONSTANT = 1.0 - np.exp(-1.0)
-# The speed before a step is the mean over this long before it.
-BEFORE_S = 0.1
 # A step must stand out from the ripple by this factor to have a time constant.
 STAND_OUT = 3.0
 # Ripple above this share of the steady speed is worth a note.
@@ -37,6 +36,10 @@ class StepMetrics:
     input, previous : effort fraction, or m/s in velocity mode.
     gain : mm/s per % of effort, or a ratio in velocity mode; unknown at zero input.
     time_constant : of the transition into this level, s.
+    dead_time : from the step to where a first-order response through 28.3 % and 63.2 % of the way begins, s.
+    overshoot, undershoot : furthest excursion above and below the new steady speed after it was first
+        reached, per cent of the change of speed; what noise alone would show counts as zero.
+    ripple : standard deviation of the steady speed about a line, mm/s.
     steady_mps : mean speed over the last 40 % of the level, None when the level is too short.
     notes : what a reader should know before using the numbers.
     """
@@ -51,6 +54,10 @@ class StepMetrics:
     direction: Direction
     gain: Quantity
     time_constant: Quantity
+    dead_time: Quantity
+    overshoot: Quantity
+    undershoot: Quantity
+    ripple: Quantity
     steady_mps: float | None
     notes: tuple[str, ...] = ()
 
@@ -63,20 +70,53 @@ def step_metrics(
     if levels.reason is not None:
         return (), levels.reason
     speed = run.speed(wheel, baseline)
-    steps = [level for level in levels.levels if level.value != 0.0 or level.previous != 0.0]
-    measured = (_measure(run, wheel, speed, level, number) for number, level in enumerate(steps, start=1))
+    noises = dict(zip(levels.levels, _noises(run.t_s, speed.values, levels.levels), strict=True))
+    measured: list[StepMetrics] = []
+    before: WindowNoise | None = None
+    for level in levels.levels:
+        if level.value != 0.0 or level.previous != 0.0:
+            measured.append(_measure(run, wheel, speed, level, len(measured) + 1, noises[level], before))
+        before = noises[level]
     return tuple(measured), None
 
 
-def _measure(run: Run, wheel: Wheel, speed: WheelSpeed, level: Level, number: int) -> StepMetrics:
+def _noises(t_s: FloatArray, speed: FloatArray, levels: Sequence[Level]) -> list[WindowNoise | None]:
+    """Noise of each level's steady window."""
+    windows = [
+        speed[rows_inside(t_s, level.end_s - STEADY_SHARE * level.duration_s, level.end_s)]
+        for level in levels
+    ]
+    return window_noise(windows)
+
+
+def _measure(
+    run: Run,
+    wheel: Wheel,
+    speed: WheelSpeed,
+    level: Level,
+    number: int,
+    noise: WindowNoise | None,
+    noise_before: WindowNoise | None,
+) -> StepMetrics:
     steady, ripple, drift, reason = _steady(run.t_s, speed.values, level)
     notes: list[str] = []
     if reason is not None:
         gain = Quantity.unknown(gain_unit(level.kind), reason)
-        time_constant = Quantity.unknown("s", reason)
+        time_constant = dead_time = Quantity.unknown("s", reason)
+        overshoot = undershoot = Quantity.unknown("% of the step", reason)
+        spread = Quantity.unknown("mm/s", reason)
     else:
-        gain = _gain(level, steady)
-        time_constant, change = _time_constant(run.t_s, speed, level, steady, ripple)
+        window_s = STEADY_SHARE * level.duration_s
+        gain = _gain(level, steady, _half_width_of_mean(noise, speed.resolution * run.interval_s / window_s))
+        change, refusal = _change(run.t_s, speed, level, steady, ripple)
+        spread = ripple_of(noise, speed.resolution)
+        if refusal is not None:
+            time_constant = dead_time = Quantity.unknown("s", refusal)
+            overshoot = undershoot = Quantity.unknown("% of the step", refusal)
+        else:
+            response = Response.of(run, speed, level, steady, change, noise, noise_before, drift)
+            time_constant, dead_time = response.times()
+            overshoot, undershoot = response.excursions()
         if abs(drift) > max(SETTLED_SHARE * abs(change), STAND_OUT * ripple) and change != 0.0:
             share = 100.0 * abs(drift / change)
             notes.append(f"not settled: the speed still moved by {share:.0f} % of the step")
@@ -96,6 +136,10 @@ def _measure(run: Run, wheel: Wheel, speed: WheelSpeed, level: Level, number: in
         direction=_direction(level),
         gain=gain,
         time_constant=time_constant,
+        dead_time=dead_time,
+        overshoot=overshoot,
+        undershoot=undershoot,
+        ripple=spread,
         steady_mps=None if reason is not None else steady,
         notes=tuple(notes),
     )
@@ -114,16 +158,9 @@ def _direction(level: Level) -> Direction:
     return "up" if abs(level.value) > abs(level.previous) else "down"
 
 
-def _inside(t_s: FloatArray, start_s: float, end_s: float) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    """Rows whose whole interval lies between two times (to a thousandth of an interval)."""
-    tolerance = 1e-3 * float(np.median(np.diff(t_s)))
-    begin = np.concatenate((t_s[:1], t_s[:-1]))
-    return np.flatnonzero((begin >= start_s - tolerance) & (t_s <= end_s + tolerance) & (t_s > begin))
-
-
 def _steady(t_s: FloatArray, speed: FloatArray, level: Level) -> tuple[float, float, float, str | None]:
     """Steady speed, ripple (deviation from a line), drift (second half less first), all m/s; or why not."""
-    rows = _inside(t_s, level.end_s - STEADY_SHARE * level.duration_s, level.end_s)
+    rows = rows_inside(t_s, level.end_s - STEADY_SHARE * level.duration_s, level.end_s)
     if rows.size < 3:
         return 0.0, 0.0, 0.0, f"the level lasts only {level.duration_s:.2f} s ({rows.size} steady rows)"
     weights = t_s[rows] - t_s[rows - 1]
@@ -135,39 +172,32 @@ def _steady(t_s: FloatArray, speed: FloatArray, level: Level) -> tuple[float, fl
     return steady, ripple, drift, None
 
 
-def _gain(level: Level, steady_mps: float) -> Quantity:
+def _half_width_of_mean(noise: WindowNoise | None, rounding: float) -> float | None:
+    """Of the mean speed's 95 % interval, m/s; what one count is worth over the window is never beaten."""
+    return None if noise is None else max(noise.quantile * noise.mean_deviation, rounding)
+
+
+def _gain(level: Level, steady_mps: float, half_width: float | None) -> Quantity:
     unit = gain_unit(level.kind)
     if level.value == 0.0:
         return Quantity.unknown(unit, "no gain at zero input")
     # m/s per unit effort is 10 mm/s per per cent.
-    return Quantity(steady_mps / level.value * (10.0 if level.kind == "effort" else 1.0), unit)
+    scale = (10.0 if level.kind == "effort" else 1.0) / level.value
+    value = steady_mps * scale
+    if half_width is None:
+        return Quantity(value, unit)
+    half = half_width * abs(scale)
+    return Quantity(value, unit, (value - half, value + half))
 
 
-def _time_constant(
+def _change(
     t_s: FloatArray, speed: WheelSpeed, level: Level, steady: float, ripple: float
-) -> tuple[Quantity, float]:
-    """Time to 63.2 % of the way into the level (s), and the change of speed (m/s)."""
+) -> tuple[float, str | None]:
+    """How far the speed goes in this step (m/s), or why that tells nothing."""
     if level.value == level.previous:
-        return Quantity.unknown("s", "the run begins at this level"), 0.0
-    before_rows = _inside(t_s, level.start_s - BEFORE_S, level.start_s)
-    if before_rows.size == 0:
-        before_rows = np.flatnonzero(t_s <= level.start_s)[-1:]
-    before = float(speed.values[before_rows].mean())
-    change = steady - before
+        return 0.0, "the run begins at this level"
+    change = steady - float(speed.values[rows_before(t_s, level)].mean())
     floor = max(STAND_OUT * ripple, 2.0 * speed.resolution)
     if abs(change) <= floor:
-        return Quantity.unknown("s", f"the speed changes by {abs(change):.3g} m/s, within the ripple"), change
-    rows = _inside(t_s, level.start_s, level.end_s)
-    # A mean over an interval stands for the speed at its middle.
-    times = np.concatenate(([level.start_s], 0.5 * (t_s[rows - 1] + t_s[rows])))
-    gone = np.concatenate(([0.0], (speed.values[rows] - before) / change))
-    crossed = np.flatnonzero(gone >= ONE_TIME_CONSTANT)
-    if crossed.size == 0:
-        return Quantity.unknown("s", "the speed never reaches 63.2 % of its way"), change
-    k = int(crossed[0])
-    if k <= 1:
-        interval = float(t_s[rows[0]] - t_s[rows[0] - 1])
-        return Quantity.unknown("s", f"shorter than the log can show (one row is {interval:.3g} s)"), change
-    share = (ONE_TIME_CONSTANT - gone[k - 1]) / (gone[k] - gone[k - 1])
-    crossing = times[k - 1] + share * (times[k] - times[k - 1])
-    return Quantity(float(crossing - level.start_s), "s"), change
+        return change, f"the speed changes by {abs(change):.3g} m/s, within the ripple"
+    return change, None

@@ -75,7 +75,9 @@ class PlainTable:
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(self.header)
-        writer.writerows([[_MARK.sub("", cell).strip() for cell in row] for row in self.rows])
+        writer.writerows(
+            [[_MARK.sub("", cell).strip().replace("\n", " ") for cell in row] for row in self.rows]
+        )
         for line in [*self.notes, *self.remarks]:
             out.write(f"# {line}\n")
         return out.getvalue()
@@ -93,8 +95,52 @@ def result_tables(result: Identification) -> list[PlainTable]:
     """Every table of a result that has rows: Table III's form, Table IV's, the free-run fits."""
     single = [run for run in result.runs if run.level_count == 1]
     several = [run for run in result.runs if run.level_count > 1]
-    tables = [_table_iii(single), _table_iv(several), _table_fits(result.fits)]
+    tables = [_table_iii(single), _table_iv(several), shape_table(result), _table_fits(result.fits)]
     return [table for table in tables if table.rows]
+
+
+def shape_table(result: Identification) -> PlainTable:
+    """Dead time, overshoot, undershoot and ripple of every step, each with its 95 % interval."""
+    table = PlainTable(
+        "Steps, their shape",
+        ["Test", "Wheel", "Step", "Gain", "τ, s", "Dead time, s", "Over, %", "Under, %", "Ripple, mm/s"],
+        [False, False, *[True] * 7],
+        group=2,
+    )
+    for run in result.runs:
+        for side in _moving_sides(run):
+            for step in side.steps:
+                quantities = (
+                    *(
+                        (step.gain, 2 if step.kind == "effort" else 3),
+                        (step.time_constant, 3),
+                        (step.dead_time, 3),
+                    ),
+                    *((step.overshoot, 1), (step.undershoot, 1), (step.ripple, 1)),
+                )
+                cells = [_with_interval(table, quantity, digits) for quantity, digits in quantities]
+                name = f"{_input(step, previous=True)} → {_input(step)}"
+                table.rows.append([run.name, side.wheel, name, *cells])
+    if table.rows:
+        table.remarks += [
+            "Below each number its 95 % interval, under noise whose memory is found in the steady windows.",
+            "Dead time: where a first-order response through 28.3 % and 63.2 % of the way begins. Over, "
+            "under: "
+            "furthest excursion above and below the new speed, % of the step; 0 where noise could do it "
+            "alone. "
+            "Ripple: standard deviation of the steady speed about a line.",
+        ]
+    return table
+
+
+def _with_interval(table: PlainTable, quantity: Quantity, digits: int) -> str:
+    if quantity.value is None:
+        return NONE + (table.note(quantity.reason) if quantity.reason else "")
+    text = f"{quantity.value:.{digits}f}"
+    if quantity.ci95 is not None:
+        low, high = quantity.ci95
+        text += f"\n{low:.{digits}f}…{high:.{digits}f}"
+    return text
 
 
 def unstepped(result: Identification) -> Iterator[str]:
@@ -244,11 +290,33 @@ def steps_csv(result: Identification) -> str:
                         "gain": _short(step.gain.value),
                         "gain_unit": step.gain.unit,
                         "time_constant_s": _short(step.time_constant.value),
+                        "dead_time_s": _short(step.dead_time.value),
+                        "overshoot_percent": _short(step.overshoot.value),
+                        "undershoot_percent": _short(step.undershoot.value),
+                        "ripple_mmps": _short(step.ripple.value),
+                        **_interval_columns(step),
                         "reason": "; ".join(reasons),
                         "notes": "; ".join(step.notes),
                     }
                 )
     return _to_csv(rows)
+
+
+def _interval_columns(step: StepMetrics) -> dict[str, str]:
+    """Ends of the 95 % intervals, after the values so that older readers find theirs in place."""
+    named = {
+        "gain": step.gain,
+        "time_constant_s": step.time_constant,
+        "dead_time_s": step.dead_time,
+        "overshoot_percent": step.overshoot,
+        "undershoot_percent": step.undershoot,
+        "ripple_mmps": step.ripple,
+    }
+    columns: dict[str, str] = {}
+    for name, quantity in named.items():
+        low, high = quantity.ci95 or (None, None)
+        columns |= {f"{name}_low": _short(low), f"{name}_high": _short(high)}
+    return columns
 
 
 def fits_csv(result: Identification) -> str:
