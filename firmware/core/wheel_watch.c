@@ -42,10 +42,22 @@ static void count_up(uint16_t *ms)
     }
 }
 
+/* More counts than any encoder makes are another fault's business, and would overflow here. */
+static int32_t within(int32_t counts)
+{
+    const int32_t most = 1000000;
+    if (counts > most) {
+        return most;
+    }
+    return counts < -most ? -most : counts;
+}
+
 /* At the last counts of a motion: were they as dense as those before? A wheel that is stopped by anything but
  * its encoder slows down first. */
 static int8_t sudden_end(int32_t recent, int32_t before)
 {
+    recent = within(recent);
+    before = within(before);
     const int32_t speed = before < 0 ? -before : before;
     const int32_t end = before < 0 ? -recent : recent;
     const bool dense = 5 * end * WHEEL_WATCH_BEFORE_MS >= 3 * speed * WHEEL_WATCH_RECENT_MS;
@@ -69,7 +81,7 @@ static void watch_standing(struct wheel_watch *watch, const struct tuning *tunin
     }
     /* The last single count tells best how a motion ended; one phase alone gets no further than its dither.
      */
-    if (watch->heading * wrapped_difference(counts, watch->front) > 0) {
+    if (watch->heading * within(wrapped_difference(counts, watch->front)) > 0) {
         watch->front = counts;
         watch->broken_ms = 0;
         watch->broken_off = sudden_end(recent, before);
