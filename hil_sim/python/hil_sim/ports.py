@@ -44,6 +44,7 @@ class TcpPort:
         self._announce = announce
         self._client: socket.socket | None = None
         self._client_name = ""
+        self._refused: set[socket.socket] = set()
         self._in = bytearray()
         self._out = bytearray()
         self._listener = socket.create_server(address, backlog=4)
@@ -56,6 +57,8 @@ class TcpPort:
         """Take a new client, or what the present one sent."""
         if file is self._listener:
             self._accept()
+        elif isinstance(file, socket.socket) and file in self._refused:
+            self._see_off(file)
         elif self._client is not None:
             self._receive(self._client)
 
@@ -86,6 +89,8 @@ class TcpPort:
         """Close the client and the listening socket."""
         if self._client is not None:
             self._drop("closed")
+        for client in list(self._refused):
+            self._forget(client)
         with contextlib.suppress(KeyError):
             self._selector.unregister(self._listener)
         self._listener.close()
@@ -98,15 +103,44 @@ class TcpPort:
         name = f"{address[0]}:{address[1]}"
         if self._client is not None:
             self._announce(f"client {name} refused: {self._client_name} is connected")
-            with client, contextlib.suppress(OSError):
-                reason = f"this virtual board is in use by {self._client_name}; one client at a time"
-                client.sendall(f"refused: {reason}\r\n".encode())
+            self._refuse(client)
             return
         client.setblocking(False)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._client, self._client_name = client, name
         self._selector.register(client, selectors.EVENT_READ, self)
         self._announce(f"client {name} connected")
+
+    def _refuse(self, client: socket.socket) -> None:
+        """Say why, and read on until the other side has closed.
+
+        To close at once would reset the connection over what the client had already sent, and it
+        could lose the reason.
+        """
+        reason = f"this virtual board is in use by {self._client_name}; one client at a time"
+        client.setblocking(False)
+        self._refused.add(client)
+        self._selector.register(client, selectors.EVENT_READ, self)
+        try:
+            client.sendall(f"refused: {reason}\r\n".encode())
+            client.shutdown(socket.SHUT_WR)
+        except OSError:
+            self._forget(client)
+
+    def _see_off(self, client: socket.socket) -> None:
+        try:
+            gone = not client.recv(_CHUNK)
+        except BlockingIOError:
+            return
+        except OSError:
+            gone = True
+        if gone:
+            self._forget(client)
+
+    def _forget(self, client: socket.socket) -> None:
+        self._selector.unregister(client)
+        self._refused.discard(client)
+        client.close()
 
     def _receive(self, client: socket.socket) -> None:
         try:
