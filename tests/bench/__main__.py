@@ -14,7 +14,16 @@ from rich.table import Table
 from bench.figure import Figure
 
 ROOT = Path(__file__).resolve().parents[2]
-BENCHES = ("image_size", "cli_overhead", "board_speed", "log_download", "identify_speed", "emps", "low_speed")
+BENCHES = (
+    "image_size",
+    "cli_overhead",
+    "board_speed",
+    "log_download",
+    "identify_speed",
+    "discrete_models",
+    "emps",
+    "low_speed",
+)
 
 
 def _measure(names: tuple[str, ...], console: Console) -> list[Figure]:
