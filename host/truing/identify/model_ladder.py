@@ -87,9 +87,7 @@ class SetModels:
             error = fit.held_out or fit.free_run
             kind = "left-out runs" if fit.held_out is not None else "the fitted run"
             source[wheel] = f"{fit.structure.name}; free-run error {error.percent:.2f} % on {kind}"
-        return RobotModel(
-            chosen["left"].physics, chosen["right"].physics, self.robot, self.rate_hz, source
-        )
+        return RobotModel(chosen["left"].physics, chosen["right"].physics, self.robot, self.rate_hz, source)
 
 
 def fit_models(

@@ -211,9 +211,7 @@ class _Search:
         self.signal = signal
         self.coordinates = coordinates
         self.weights = signal.weights()
-        segment_of_row = np.repeat(
-            np.arange(signal.excitation.segments), np.diff(signal.excitation.starts)
-        )
+        segment_of_row = np.repeat(np.arange(signal.excitation.segments), np.diff(signal.excitation.starts))
         self.masks = [segment_of_row == k for k in coordinates.free_initial]
 
     def simulate(self, theta: FloatArray) -> FloatArray:

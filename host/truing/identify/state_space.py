@@ -266,5 +266,3 @@ def _errors(
         ahead.append(model.predict(stretch.effort, stretch.speed, start)[START_ROWS:] - measured)
         free.append(model.simulate(stretch.effort, start)[START_ROWS:] - measured)
     return rms_by_run(stretches, ahead, runs), rms_by_run(stretches, free, runs)
-
-
