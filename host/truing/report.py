@@ -55,8 +55,8 @@ def render_report(recordings: RecordingSet, result: Identification) -> str:
         ),
         footer=f"Written by truing {escape(__version__)}. "
         "Speeds are means over each sampling interval, drawn at its middle.",
-        plotly=_plotly_script(),
-        figures=_script_json(figures),
+        plotly=plotly_script(),
+        figures=script_json(figures),
     )
 
 
@@ -120,7 +120,7 @@ def _findings(result: Identification) -> str:
 
 def _results(result: Identification) -> str:
     parts = ["<h2>Results</h2>"]
-    parts += [_table(table) for table in result_tables(result)]
+    parts += [html_table(table) for table in result_tables(result)]
     reasons = [f"<p>{escape(line)}</p>" for line in unstepped(result)]
     if reasons:
         parts.append(f'<div class="notes">{"".join(reasons)}</div>')
@@ -149,7 +149,8 @@ def _download(name: str, text: str) -> str:
     return f'<a download="{name}" href="data:text/csv;base64,{data}">{name}</a>'
 
 
-def _table(table: PlainTable) -> str:
+def html_table(table: PlainTable) -> str:
+    """A table as HTML, its notes and remarks below it."""
     def cell(tag: str, text: str, numeric: bool) -> str:
         kind = ' class="number"' if numeric else ""
         return f"<{tag}{kind}>{_marked(text)}</{tag}>"
@@ -238,11 +239,12 @@ def _text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _plotly_script() -> str:
+def plotly_script() -> str:
+    """The plotting library itself, so that a page needs no network."""
     return resources.files("plotly").joinpath("package_data/plotly.min.js").read_text("utf-8")
 
 
-def _script_json(value: Any) -> str:
+def script_json(value: Any) -> str:
     """JSON that may stand inside a script element, whatever names the user's files have."""
     text = json.dumps(value, separators=(",", ":"), allow_nan=False, ensure_ascii=True)
     return text.replace("<", "\\u003c")

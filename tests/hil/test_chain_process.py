@@ -56,7 +56,7 @@ def test_a_signal_in_the_middle_of_a_run_stops_the_wheels(
     time.sleep(1.6)  # a rest of one second, then 0.6 s at 35 %
     run.send_signal(number)
     out, err = run.communicate(timeout=5)
-    assert run.returncode == 130
+    assert run.returncode == 130, err
     assert "wheels stopped: the board has acknowledged the stop" in err
     with Device.open(port) as device:
         status = device.status()

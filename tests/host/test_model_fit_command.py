@@ -82,3 +82,15 @@ def test_a_wheel_that_never_turned_is_named_and_the_other_is_fitted(robot: Path)
     result = fit(str(robot))
     assert result.exit_code == 0, result.output
     assert "right: not fitted: the measured speed never changes" in result.output
+
+
+def test_the_report_holds_every_table_and_opens_without_a_network(robot: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "report"
+    assert fit(str(robot), "--report", str(folder)).exit_code == 0
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert page.count('class="plot"') == 3, "one figure for each run"
+    assert "left-out runs" in page
+    assert "src=" not in page.split("<script>", 1)[0]
+    tables = {path.name for path in (folder / "tables").iterdir()}
+    assert sum(name.endswith(".csv") for name in tables) == sum(name.endswith(".png") for name in tables) == 3
+    assert json.loads((folder / "fit.json").read_text())["wheels"][0]["wheel"] == "left"
