@@ -92,8 +92,7 @@ static void say(uint8_t id, const uint8_t *payload, size_t length)
     RIG_REQUIRE(rig.accepted ||
                 (rig.reply.id == PROTO_ID_REFUSAL &&
                  proto_refusal_decode(&refusal, rig.reply.payload, rig.reply.payload_length) &&
-                 refusal.request_id == id && refusal.reason != 0 &&
-                 refusal.reason < PROTO_REFUSAL_REASON_COUNT));
+                 refusal.request_id == id && strcmp(proto_refusal_reason_name(refusal.reason), "?") != 0));
 }
 
 /* What the bridges do and will do at the next tick. */
