@@ -33,7 +33,7 @@ enum { FRAME_REGISTERS = 6, ENTRY_REGISTERS = 9 };
 struct entry_state {
     uint32_t frame[FRAME_REGISTERS], sp, xpsr, control;
 };
-static_assert(sizeof(struct entry_state) == 4 * ENTRY_REGISTERS, "one word for each register read");
+static_assert(sizeof(struct entry_state) == (size_t)4 * ENTRY_REGISTERS, "one word for each register read");
 
 static void lock_up(struct board *b)
 {
