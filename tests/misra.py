@@ -1,8 +1,8 @@
 """The MISRA-C:2012 findings in the firmware beside those that ``firmware/MISRA.md`` accounts for.
 
 ``misra.py BUILD_DIR`` fails when a rule is violated that the table does not list, or more often than it says;
-``misra.py BUILD_DIR --update`` writes the counts of now into the rows that are there. Rule texts are copyrighted:
-numbers only.
+``misra.py BUILD_DIR --update`` writes the counts of now into the rows that are there. Rule texts are
+copyrighted: numbers only.
 """
 
 import re
@@ -22,10 +22,9 @@ def findings(cache: Path) -> list[tuple[str, str, str]]:
     """Rule, file and line of each finding in the firmware's own files."""
     cache.mkdir(parents=True, exist_ok=True)
     command = ["cppcheck", "--quiet", "--std=c11", "--addon=misra", f"--cppcheck-build-dir={cache}"]
-    command += ["--suppress=missingIncludeSystem", "-I", "protocol/c", "-I", "firmware/core", "-I", "firmware/hal"]
-    run = subprocess.run(
-        [*command, "--template={id} {file} {line}", *CHECKED], cwd=ROOT, capture_output=True, text=True, check=True
-    )
+    command += ["--suppress=missingIncludeSystem", "--template={id} {file} {line}"]
+    command += ["-Iprotocol/c", "-Ifirmware/core", "-Ifirmware/hal"]
+    run = subprocess.run([*command, *CHECKED], cwd=ROOT, capture_output=True, text=True, check=True)
     if "Bailing out" in run.stderr or "Failed to execute" in run.stderr:
         sys.exit(run.stderr)
     found = re.findall(r"^misra-c2012-(\S+) (\S+) (\d+)$", run.stderr, re.MULTILINE)
@@ -64,7 +63,7 @@ def main() -> int:
             failed = True
             reason = "no deviation is listed" if allowed is None else f"{allowed} are accounted for"
             print(f"rule {rule}: {now} findings (core, stm32f405), {reason}: {' '.join(where[rule])}")
-    print(f"{len(found)} findings of {len(counts)} MISRA-C:2012 rules, {len(listed)} deviations in firmware/MISRA.md")
+    print(f"{len(found)} findings of {len(counts)} MISRA-C:2012 rules; firmware/MISRA.md lists {len(listed)}")
     return int(failed)
 
 
