@@ -6,9 +6,10 @@ import sys
 from pathlib import Path
 
 VECTORS = Path(__file__).parents[2] / "protocol" / "vectors" / "vectors.json"
-ASK, TICKS, ASK_WITH_CRC = 0, 1, 5
+ASK, TICKS, COUNTS, BATTERY, ASK_WITH_CRC, OVERRUN = 0, 1, 2, 3, 5, 6
 SEQ_BEGIN, SEQ_SEGMENTS, SEQ_COMMIT, SEQ_START = 0x20, 0x21, 0x22, 0x23
 REPLY_BIT = 0x80
+STORE_FORMAT = 0x00080001  # firmware/README.md, parameter store
 
 
 def ask(request_id: int, payload: bytes) -> bytes:
@@ -38,6 +39,16 @@ def request_seeds(messages: list[dict[str, str]]) -> list[bytes]:
     seeds.append(upload + run)
     seeds.append(ask(0x40, struct.pack("<ff", 0.4, -0.4)) + bytes([TICKS, 50]) + ask(0x42, b""))
     seeds.append(ask(0x41, struct.pack("<ff", 0.4, 0.2)) + bytes([TICKS, 200]))
+    # Every reason why a request to move is refused by a robot that stands, and by one that moves.
+    effort, run_held = ask(0x40, struct.pack("<ff", 0.4, -0.4)), bytes([ASK_WITH_CRC, SEQ_START])
+    unread, flat = bytes([BATTERY, 0xFF, 0xFF]), bytes([BATTERY]) + struct.pack("<H", 2000)
+    pushed, overrun = bytes([COUNTS]) + struct.pack("<hh", 900, -900), bytes([OVERRUN])
+    seeds += [
+        before + trouble + bytes([TICKS, 140]) + effort + run_held + bytes([TICKS, 2])
+        for trouble in (unread, flat, pushed, overrun)
+        for before in (b"", effort, upload + run)
+    ]
+    seeds.append(upload + run[:4] + bytes([TICKS, 5]) + effort + bytes([TICKS, 2]))
     return seeds
 
 
@@ -53,7 +64,12 @@ def sequence_seeds() -> list[bytes]:
 
 def parameter_seeds() -> list[bytes]:
     settings = b"".join(struct.pack("<Hf", index, 1.0) for index in range(16))
-    return [bytes([flags, 0, 0]) + settings for flags in (0, 3, 4, 0xFC)]
+    seeds = [bytes([flags, 0, 0]) + settings for flags in (0, 3, 4, 0xFC)]
+    # A header whose number of records says that the set is longer than the slot, by a little and by a lot.
+    for records in (2043, 2045, 1 << 20, 0xFFFFFFFF):
+        header = struct.pack("<BIII", 3, STORE_FORMAT, 1, records)
+        seeds.append(bytes([3]) + header + bytes([0]) + settings)
+    return seeds
 
 
 def log_seeds(log: dict[str, list[list[int]]]) -> list[bytes]:
