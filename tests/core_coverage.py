@@ -1,6 +1,6 @@
 """The share of firmware/core's lines and branches that the C tests reach; fails below the limits.
 
-``coverage.py BUILD`` after ``ctest --preset coverage``; gcov's own JSON is the source.
+``core_coverage.py BUILD`` after ``ctest --preset coverage``; gcov's own JSON is the source.
 """
 
 import json
