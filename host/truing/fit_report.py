@@ -19,7 +19,7 @@ from truing.pictures import save_table
 from truing.recording import RecordingSet, Run, Wheel
 from truing.recording_writer import replace_file
 from truing.report import html_table, plotly_script, script_json
-from truing.report_figures import AXIS, FONT, LEGEND, Figure, axis_title, figure_heading, figure_numbers
+from truing.report_figures import Figure, figure_numbers, speeds_layout
 from truing.run_view import COLOURS
 
 
@@ -75,19 +75,7 @@ def _figure(run: Run, simulations: dict[Wheel, Simulation]) -> Figure:
                 line={"color": colour, "width": 1},
             ),
         ]  # fmt: skip
-    layout = {
-        "font": FONT,
-        "height": 500,
-        "margin": {"l": 58, "r": 12, "t": 34, "b": 112},
-        "paper_bgcolor": "white",
-        "plot_bgcolor": "white",
-        "hovermode": "x unified",
-        "legend": LEGEND,
-        "xaxis": AXIS | {"title": axis_title("time, s"), "anchor": "y2", "zeroline": False},
-        "yaxis": AXIS | {"title": axis_title("speed at the rim, m/s"), "domain": [0.36, 1.0]},
-        "yaxis2": AXIS | {"title": axis_title("error, m/s"), "domain": [0.0, 0.26]},
-        "annotations": [figure_heading(escape(run.name), 1.0), figure_heading("Model less measured", 0.26)],
-    }
+    layout = speeds_layout(escape(run.name), "Model less measured", "error, m/s")
     return {"data": traces, "layout": layout}
 
 

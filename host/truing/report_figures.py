@@ -68,7 +68,12 @@ def _speeds(view: RunView) -> Figure:
         line = {"color": COLOURS[wheel], "width": width, "shape": "vh"}
         trace = _line(view.t_s, curves.effort, f"{wheel}, effort", line, "%")
         traces.append(trace | {"yaxis": "y2", "showlegend": False})
-    layout = {
+    return {"data": traces, "layout": speeds_layout("Wheel speed", "Applied effort", "effort, %")}
+
+
+def speeds_layout(upper: str, lower: str, lower_axis: str) -> dict[str, Any]:
+    """Two plots over one time axis: speeds, and below them what `lower` names."""
+    return {
         "font": FONT,
         "height": 500,
         "margin": {"l": 58, "r": 12, "t": 34, "b": 112},
@@ -78,10 +83,9 @@ def _speeds(view: RunView) -> Figure:
         "legend": LEGEND,
         "xaxis": AXIS | {"title": axis_title("time, s"), "anchor": "y2", "zeroline": False},
         "yaxis": AXIS | {"title": axis_title("speed at the rim, m/s"), "domain": [0.36, 1.0]},
-        "yaxis2": AXIS | {"title": axis_title("effort, %"), "domain": [0.0, 0.26]},
-        "annotations": [figure_heading("Wheel speed", 1.0), figure_heading("Applied effort", 0.26)],
+        "yaxis2": AXIS | {"title": axis_title(lower_axis), "domain": [0.0, 0.26]},
+        "annotations": [figure_heading(upper, 1.0), figure_heading(lower, 0.26)],
     }
-    return {"data": traces, "layout": layout}
 
 
 def _path(path: PathView) -> Figure:
