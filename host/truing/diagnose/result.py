@@ -1,0 +1,421 @@
+"""What a diagnosis says: verdict, effects, places, doubts; its JSON is the contract's section 4."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeAlias
+
+from truing.diagnose.traces import RunTraces
+from truing.plan import Plan
+from truing.recording import FloatArray, Wheel
+
+Verdict: TypeAlias = Literal["consistent", "parameters_only", "missing_physics", "ambiguous", "unexplained"]
+Scope: TypeAlias = Literal["left", "right", "both", "body"]
+Domain: TypeAlias = Literal["wheel", "pose"]
+Severity: TypeAlias = Literal["note", "doubt"]
+
+SCHEMA = 1
+VERDICTS: tuple[Verdict, ...] = (
+    "consistent",
+    "parameters_only",
+    "missing_physics",
+    "ambiguous",
+    "unexplained",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class EffectParameter:
+    """A value with its 95 % interval; the parameter's own limit stands where the recordings set none."""
+
+    value: float
+    ci95: tuple[float, float]
+    unit: str
+
+    def to_json(self) -> dict[str, Any]:
+        """As the contract has it; what is not finite becomes null."""
+        low, high = self.ci95
+        return {"value": number(self.value), "ci95": [number(low), number(high)], "unit": self.unit}
+
+
+@dataclass(frozen=True, slots=True)
+class NamedEffect:
+    """An effect that the verdict names, alone or as one of several that explain the recordings alike.
+
+    Attributes
+    ----------
+    parameters : by the contract's names.
+    confidence : 0 to 1, that this effect and no other of the catalogue is the one.
+    heldout_rmse_before, heldout_rmse_after : free-run error of the refitted baseline and of the baseline
+        with this effect, on runs that neither was fitted to; `unit`.
+    indistinguishable_from : the other effects that explain the recordings as well.
+    domain : which signals show it: the wheels' speeds, or the pose against an outside reference.
+    explanation : which of the explanations it belongs to, when several are left: effects of one number
+        act together, effects of different numbers are alternatives.
+    note : anything a reader should know about it, in words.
+    """
+
+    name: str
+    scope: Scope
+    parameters: Mapping[str, EffectParameter]
+    confidence: float
+    heldout_rmse_before: float
+    heldout_rmse_after: float
+    indistinguishable_from: tuple[str, ...] = ()
+    domain: Domain = "wheel"
+    unit: str = "m/s"
+    explanation: int = 0
+    note: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """As the contract has it, with `domain`, `unit`, `explanation` and `note` besides."""
+        return {
+            "name": self.name,
+            "scope": self.scope,
+            "parameters": {name: value.to_json() for name, value in self.parameters.items()},
+            "confidence": number(self.confidence),
+            "heldout_rmse_before": number(self.heldout_rmse_before),
+            "heldout_rmse_after": number(self.heldout_rmse_after),
+            "indistinguishable_from": list(self.indistinguishable_from),
+            "domain": self.domain,
+            "unit": self.unit,
+            "explanation": self.explanation,
+            "note": self.note,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class MismatchSpan:
+    """A stretch of one run where baseline (refitted) and recording differ by more than their noise.
+
+    Attributes
+    ----------
+    signal : the column it is about (`vel_left_mps`, `truth_theta_rad`, ...).
+    share : of the whole mismatch energy that stands out, 0 to 1.
+    regime : what the robot does there, in words.
+    times_noise : RMS of the mismatch in the span over the RMS of the noise there.
+    """
+
+    run: str
+    signal: str
+    t_start_s: float
+    t_end_s: float
+    share: float
+    regime: str
+    times_noise: float | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """As the contract has it, with `times_noise` besides."""
+        return {
+            "run": self.run,
+            "signal": self.signal,
+            "t_start_s": number(self.t_start_s),
+            "t_end_s": number(self.t_end_s),
+            "share": number(self.share),
+            "regime": self.regime,
+            "times_noise": number(self.times_noise),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class FitErrors:
+    """Free-run errors over all runs: the baseline as given, refitted, with what was named; and the noise."""
+
+    baseline_rmse: float
+    refit_rmse: float
+    model_rmse: float
+    noise_floor: float
+    unit: str = "m/s"
+
+    def to_json(self) -> dict[str, Any]:
+        """As the contract has it."""
+        return {
+            "baseline_rmse": number(self.baseline_rmse),
+            "refit_rmse": number(self.refit_rmse),
+            "model_rmse": number(self.model_rmse),
+            "noise_floor": number(self.noise_floor),
+            "unit": self.unit,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class NextExperiment:
+    """The run that would tell the explanations apart.
+
+    Attributes
+    ----------
+    separates : the explanations, each as the effects that it consists of.
+    expected_difference_over_noise : whitened norm of what the run would show between the two closest
+        explanations, the rival refitted; about 3 is where two explanations can be told apart.
+    why : in words.
+    """
+
+    plan: Plan
+    separates: tuple[tuple[str, ...], ...]
+    expected_difference_over_noise: float
+    why: str
+
+    def to_json(self) -> dict[str, Any]:
+        """The plan as a plan file's content."""
+        return {
+            "plan": self.plan.to_dict(),
+            "separates": [list(names) for names in self.separates],
+            "expected_difference_over_noise": number(self.expected_difference_over_noise),
+            "why": self.why,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One thing about the data that a reader should know.
+
+    Attributes
+    ----------
+    severity : `doubt` where it touches the verdict, `note` where it only explains.
+    next_step : what to do about it; may be empty.
+    blocks : effects that cannot be judged because of it.
+    """
+
+    topic: str
+    text: str
+    severity: Severity = "note"
+    next_step: str = ""
+    run: str | None = None
+    wheel: Wheel | None = None
+    blocks: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        places = [self.run] if self.run is not None else []
+        if self.wheel is not None:
+            places.append(f"{self.wheel} wheel")
+        where = f"{', '.join(places)}: " if places else ""
+        return where + self.text
+
+    def to_json(self) -> dict[str, Any]:
+        """Every field by its name."""
+        return {
+            "topic": self.topic,
+            "severity": self.severity,
+            "text": self.text,
+            "next_step": self.next_step,
+            "run": self.run,
+            "wheel": self.wheel,
+            "blocks": list(self.blocks),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class RankedEffect:
+    """One effect, or set of effects, that was tried; all are listed, so that one sees what was paid for.
+
+    Attributes
+    ----------
+    names : the effects added to the baseline.
+    score : the screen's test statistic at zero amplitude, over its own critical value where calibrated.
+    improvement : gain in whitened log-likelihood over the refitted baseline (nats), parameters paid for.
+    heldout_rmse : free-run error on runs that were left out, m/s (or `unit`); NaN when not fitted.
+    fitted : whether it came past the screen.
+    note : why it was dropped, or kept.
+    """
+
+    names: tuple[str, ...]
+    score: float
+    improvement: float
+    fitted: bool
+    heldout_rmse: float = math.nan
+    parameters: int = 0
+    domain: Domain = "wheel"
+    unit: str = "m/s"
+    note: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Every field by its name; `name` joins the effects with a plus."""
+        return {
+            "name": " + ".join(self.names),
+            "score": number(self.score),
+            "improvement": number(self.improvement),
+            "fitted": self.fitted,
+            "heldout_rmse": number(self.heldout_rmse),
+            "parameters": self.parameters,
+            "domain": self.domain,
+            "unit": self.unit,
+            "note": self.note,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class SignalNoise:
+    """The noise of one signal as the recordings themselves show it.
+
+    Attributes
+    ----------
+    signal : `vel_left_mps` and so on, or `truth_x_m`, ...
+    quantisation, disturbance, rms : RMS each, in `unit`; rms is both together.
+    correlation_s : how long a disturbance lasts, s.
+    known_from : in words: repeated runs, the residual of the richest model, ...
+    """
+
+    signal: str
+    quantisation: float
+    disturbance: float
+    rms: float
+    correlation_s: float
+    known_from: str
+    unit: str = "m/s"
+
+    def to_json(self) -> dict[str, Any]:
+        """Every field by its name."""
+        return {
+            "signal": self.signal,
+            "quantisation": number(self.quantisation),
+            "disturbance": number(self.disturbance),
+            "rms": number(self.rms),
+            "correlation_s": number(self.correlation_s),
+            "known_from": self.known_from,
+            "unit": self.unit,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Split:
+    """One division of the runs, made before anything was fitted, and the errors on the runs left out."""
+
+    fitted: tuple[str, ...]
+    judged: tuple[str, ...]
+    rmse_before: float
+    rmse_after: float
+    noise_floor: float = math.nan
+
+    def to_json(self) -> dict[str, Any]:
+        """Every field by its name."""
+        return {
+            "fitted": list(self.fitted),
+            "judged": list(self.judged),
+            "rmse_before": number(self.rmse_before),
+            "rmse_after": number(self.rmse_after),
+            "noise_floor": number(self.noise_floor),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class WheelNumbers:
+    """A wheel's `gain_mps` or `time_constant_s`: as given, refitted, and with the effects."""
+
+    wheel: Wheel
+    name: str
+    unit: str
+    given: float
+    refitted: float
+    with_effects: EffectParameter
+
+    def to_json(self) -> dict[str, Any]:
+        """Every field by its name."""
+        return {
+            "wheel": self.wheel,
+            "name": self.name,
+            "unit": self.unit,
+            "given": number(self.given),
+            "refitted": number(self.refitted),
+            "with_effects": self.with_effects.to_json(),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """One way to explain the recordings, as the simulator takes it.
+
+    Attributes
+    ----------
+    effects : the effects that are on besides those of the baseline.
+    theta : shape (p,), the whole parameter vector of `SetSimulator`.
+    confidence : 0 to 1.
+    """
+
+    effects: tuple[str, ...]
+    theta: FloatArray
+    confidence: float = math.nan
+
+
+@dataclass(frozen=True, slots=True)
+class Compensation:
+    """Values for the board that counter what was found, and what no parameter of the board can counter."""
+
+    parameters: Mapping[str, float]
+    notes: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """`parameters` by the board's names."""
+        return {"parameters": {k: number(v) for k, v in self.parameters.items()}, "notes": list(self.notes)}
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """The whole answer.
+
+    Attributes
+    ----------
+    name : of the recording set.
+    runs : names of the runs, in their order.
+    effects : strongest first; empty unless the verdict is `missing_physics` or `ambiguous`.
+    pose_fit : the same four errors against the outside pose, or None without one.
+    not_exercised : effects that these recordings could not have shown.
+    weakly_exercised : effects that they could have shown only if strong.
+    explanations : those left, the best first (one under `missing_physics`); kept out of the JSON.
+    traces : per run; kept out of the JSON.
+    """
+
+    name: str
+    verdict: Verdict
+    runs: tuple[str, ...]
+    fit: FitErrors
+    effects: tuple[NamedEffect, ...] = ()
+    mismatch: tuple[MismatchSpan, ...] = ()
+    not_exercised: tuple[str, ...] = ()
+    weakly_exercised: tuple[str, ...] = ()
+    next_experiment: NextExperiment | None = None
+    pose_fit: FitErrors | None = None
+    confidence: float = math.nan
+    notes: tuple[str, ...] = ()
+    checks: tuple[Check, ...] = ()
+    ranking: tuple[RankedEffect, ...] = ()
+    noise: tuple[SignalNoise, ...] = ()
+    splits: tuple[Split, ...] = ()
+    numbers: tuple[WheelNumbers, ...] = ()
+    compensation: Compensation | None = None
+    seconds: float = math.nan
+    explanations: tuple[Explanation, ...] = field(default=(), repr=False)
+    traces: tuple[RunTraces, ...] = field(default=(), repr=False)
+
+    def to_json(self) -> dict[str, Any]:
+        """The contract's object with more keys; plain lists, numbers and text only."""
+        return {
+            "schema": SCHEMA,
+            "name": self.name,
+            "verdict": self.verdict,
+            "confidence": number(self.confidence),
+            "runs": list(self.runs),
+            "effects": [effect.to_json() for effect in self.effects],
+            "mismatch": [span.to_json() for span in self.mismatch],
+            "fit": self.fit.to_json(),
+            "pose_fit": None if self.pose_fit is None else self.pose_fit.to_json(),
+            "not_exercised": list(self.not_exercised),
+            "weakly_exercised": list(self.weakly_exercised),
+            "next_experiment": None if self.next_experiment is None else self.next_experiment.to_json(),
+            "notes": list(self.notes),
+            "checks": [check.to_json() for check in self.checks],
+            "numbers": [entry.to_json() for entry in self.numbers],
+            "noise": [noise.to_json() for noise in self.noise],
+            "splits": [split.to_json() for split in self.splits],
+            "ranking": [ranked.to_json() for ranked in self.ranking],
+            "compensation": None if self.compensation is None else self.compensation.to_json(),
+            "seconds": number(self.seconds),
+        }
+
+
+def number(value: float | None) -> float | None:
+    """A plain float for JSON; None for what is not finite, which JSON has no word for."""
+    if value is None or not math.isfinite(value):
+        return None
+    return float(value)
