@@ -1,0 +1,314 @@
+"""Trust the data first: what stops a diagnosis, what is left out of it, what a reader should know."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from truing.baseline import Baseline
+from truing.diagnose.refusals import (
+    LEAST_EFFORT,
+    STEPS_NEXT,
+    listed,
+    refuse_efforts,
+    refuse_signs,
+    refuse_stillness,
+    refuse_time,
+    refuse_units,
+)
+from truing.diagnose.result import Check, Severity
+from truing.diagnose.traces import BoolArray
+from truing.errors import IdentifyError
+from truing.identify.data_checks import Finding, check_set
+from truing.recording import MINIMUM_ROWS, WHEELS, FloatArray, RecordingSet, Run, Wheel
+
+# A wheel speed no wheel of this robot reaches: the baseline's own top speed, this many times.
+JUMP_FACTOR = 4.0
+# 16, 24 and 32 bit counters wrap by these.
+COUNTER_SPANS = (2.0**16, 2.0**24, 2.0**32)
+FULL_SCALE = 0.995
+
+POSE_EFFECTS = ("wheel_slip", "wheel_radius_error", "wheelbase_error")
+FAST_EFFECTS = (
+    *("input_delay", "driver_lag", "speed_filter", "coast_decay"),
+    *("current_limit", "gear_backlash"),
+)
+POSE_COLUMNS = ("truth_x_m", "truth_y_m", "truth_theta_rad")
+
+# What `check_set` finds, by its topic: how much it matters, and what to do.
+_KNOWN: dict[str, tuple[Severity, str]] = {
+    "gap": ("note", ""),
+    "effort": ("doubt", "Efforts are fractions of the supply; divide volts by the supply voltage"),
+    "repeated": ("doubt", "Log at the rate at which the speed is updated, or log counts"),
+    "jump": ("doubt", "Log counts beside positions, or do not reset positions within a run"),
+    "sides": ("doubt", "Turn each wheel ten times by hand and compare its counts with the baseline's"),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class DataChecks:
+    """What the data allow.
+
+    Attributes
+    ----------
+    checks : everything worth saying, doubts first.
+    usable : per run, shape (n, 2); False where a row of a wheel is no measurement of it.
+    wheels : the wheels that can be judged at all.
+    geometry : whether counts become metres and wheel travel a pose.
+    outside_pose : whether any run holds a pose from outside the robot.
+    blocked : effects that cannot be judged, whatever the numbers.
+    """
+
+    checks: tuple[Check, ...]
+    usable: tuple[BoolArray, ...]
+    wheels: tuple[Wheel, ...]
+    geometry: bool
+    outside_pose: bool
+    blocked: tuple[str, ...]
+
+
+def check_data(recordings: RecordingSet, baseline: Baseline | None = None) -> DataChecks:
+    """Look at everything before anything is fitted.
+
+    Parameters
+    ----------
+    baseline : instead of the set's own.
+
+    Raises
+    ------
+    RecordingError, IdentifyError : a verdict is impossible; says why, where, and what to do.
+    """
+    baseline = baseline or recordings.baseline
+    if baseline is None:
+        raise IdentifyError(
+            f"{recordings.path or recordings.name}: there is no baseline to compare with",
+            "Give --model a baseline.toml: [wheel.left] and [wheel.right] with gain_mps and time_constant_s",
+        )
+    if not recordings.runs:
+        raise IdentifyError(f"{recordings.path or recordings.name}: there is no run in it")
+    together = RecordingSet(recordings.name, recordings.runs, baseline, recordings.path)
+    for run in together:
+        refuse_time(run)
+        refuse_efforts(run)
+    speeds = [tuple(run.speed(wheel, baseline).values for wheel in WHEELS) for run in together]
+    refuse_units(together, baseline, speeds)
+    refuse_signs(together, speeds)
+    wheels, found = _movable(together, speeds)
+    refuse_stillness(together, baseline, speeds)
+
+    usable = []
+    for run, pair in zip(together, speeds, strict=True):
+        mask, more = _mask(run, baseline, pair)
+        for column, wheel in enumerate(WHEELS):
+            if wheel not in wheels:
+                mask[:, column] = False
+        usable.append(mask)
+        found += more
+    if sum(int(mask.sum()) for mask in usable) < MINIMUM_ROWS:
+        raise IdentifyError(
+            f"fewer than {MINIMUM_ROWS} rows are left to compare once jumps are set aside",
+            "Look at the counts: a loose plug or a counter that resets looks like this",
+        )
+    found += _from_findings(check_set(together))
+    found += [check for inspect in _INSPECTIONS for check in inspect(together, baseline)]
+    found.sort(key=lambda check: check.severity != "doubt")
+    blocked = sorted({name for check in found for name in check.blocks})
+    return DataChecks(
+        tuple(found),
+        tuple(usable),
+        wheels,
+        baseline.metres_per_count is not None and baseline.wheelbase_m is not None,
+        any(_has_outside_pose(run) for run in together),
+        tuple(blocked),
+    )
+
+
+def _movable(
+    recordings: RecordingSet, speeds: Sequence[tuple[FloatArray, ...]]
+) -> tuple[tuple[Wheel, ...], list[Check]]:
+    """The wheels that moved, and what to say of the others."""
+    moving, found = [], []
+    for column, wheel in enumerate(WHEELS):
+        if any((pair[column] != 0.0).any() for pair in speeds):
+            moving.append(wheel)
+            continue
+        largest = max(float(np.abs(run.effort(wheel)).max()) for run in recordings)
+        if largest < LEAST_EFFORT:
+            text = f"the {wheel} wheel is never driven and never moves: nothing is said about it"
+            found.append(Check("dead", text, "doubt", STEPS_NEXT, None, wheel))
+        else:
+            text = (
+                f"the {wheel} wheel never moves, though driven with up to {100.0 * largest:.0f} % effort: "
+                "encoder dead, or wheel stuck; nothing can be said about its physics"
+            )
+            step = "`truing check` turns each wheel and names the lead; then record again"
+            found.append(Check("dead", text, "doubt", step, None, wheel))
+    if not moving:
+        largest = max(float(np.abs(run.effort(wheel)).max()) for run in recordings for wheel in WHEELS)
+        if largest < LEAST_EFFORT:
+            raise IdentifyError(
+                "no excitation: no run drives a wheel, so there is nothing to compare", STEPS_NEXT
+            )
+        raise IdentifyError(
+            f"neither wheel ever moves, though driven with up to {100.0 * largest:.0f} % effort",
+            "Look at the encoders: `truing check` turns each wheel and names the lead",
+        )
+    return tuple(moving), found
+
+
+def _mask(
+    run: Run, baseline: Baseline, speeds: tuple[FloatArray, ...]
+) -> tuple[BoolArray, list[Check]]:
+    """Rows whose speed no wheel of this robot can have: a reset, a wrap, a lost digit."""
+    mask = np.ones((len(run), 2), dtype=np.bool_)
+    found = []
+    for column, wheel in enumerate(WHEELS):
+        model = baseline.left if wheel == "left" else baseline.right
+        values = speeds[column]
+        usual = float(np.percentile(np.abs(values), 95.0))
+        largest = float(np.abs(run.effort(wheel)).max())
+        bad = ~(np.abs(values) <= JUMP_FACTOR * max(usual, model.gain_mps * largest))
+        if not bad.any() or usual == 0.0:
+            continue
+        # A single sample off and back makes two bad intervals; the first row repeats the second's speed.
+        mask[bad, column] = False
+        row = int(np.flatnonzero(bad)[0]) + 1
+        count = int(bad.sum())
+        what = f"{count} rows jump" if count > 1 else f"row {row} jumps"
+        place = f", the first at row {row}" if count > 1 else ""
+        text = f"{what} by more than the wheel can turn{place}{_counter(run, wheel, bad)}; left out"
+        found.append(Check("jump", text, "doubt", "Look at that row of the file", run.name, wheel))
+    return mask, found
+
+
+def _counter(run: Run, wheel: Wheel, bad: BoolArray) -> str:
+    ticks = run.columns.get(f"ticks_{wheel}")
+    if ticks is None:
+        return ""
+    row = max(int(np.flatnonzero(bad)[0]), 1)
+    step = abs(float(ticks[row] - ticks[row - 1]))
+    for span in COUNTER_SPANS:
+        if abs(step - span) < 0.25 * span:
+            return f" (a counter that wraps at {span:.0f})"
+    return " (a counter that was reset)" if abs(ticks[row]) < 0.05 * abs(ticks[row - 1]) else ""
+
+
+def _from_findings(findings: Sequence[Finding]) -> list[Check]:
+    """What any reader of recordings says, weighed for a diagnosis; one line for each topic."""
+    groups: dict[str, list[Finding]] = {}
+    for finding in findings:
+        if finding.topic not in ("dead", "sign", "jump"):
+            groups.setdefault(finding.topic or finding.text, []).append(finding)
+    checks = []
+    for topic, group in groups.items():
+        severity, step = _KNOWN.get(topic, ("note", ""))
+        first = group[0]
+        others = ", ".join(finding.place for finding in group[1:4])
+        more = f" and {len(group) - 4} more" if len(group) > 4 else ""
+        text = first.text + (f" (also {others}{more})" if others else "")
+        kind = topic if topic in _KNOWN else "file"
+        checks.append(Check(kind, text, severity, step, first.run, first.wheel))
+    return checks
+
+
+def _few_runs(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]:
+    del baseline
+    if len(recordings) == 1:
+        text = (
+            "one run only: it is cut into parts to fit some and judge the others, but whatever differs from "
+            "run to run (supply, temperature, payload) cannot be told from the robot itself"
+        )
+        step = "Record at least four runs, some of them alike: their differences are the noise"
+        yield Check("few_runs", text, "doubt", step)
+    elif len(recordings) < 4:
+        text = f"{len(recordings)} runs only: little is left to judge what is fitted to the others"
+        yield Check("few_runs", text, "note", "Record at least four runs, some of them alike")
+
+
+def _one_sided(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]:
+    del baseline
+    lowest = min(float(run.effort(wheel).min()) for run in recordings for wheel in WHEELS)
+    highest = max(float(run.effort(wheel).max()) for run in recordings for wheel in WHEELS)
+    if lowest > -LEAST_EFFORT or highest < LEAST_EFFORT:
+        way = "forward" if lowest > -LEAST_EFFORT else "backward"
+        text = f"the wheels are only ever driven {way}: what depends on direction or reversal cannot show"
+        step = "Add a run that reverses at several levels"
+        blocks = ("direction_asymmetry",)
+        yield Check("one_sided", text, "note", step, blocks=blocks)
+
+
+def _turns(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]:
+    del baseline
+    differ = max(float(np.abs(run.effort("left") - run.effort("right")).max()) for run in recordings)
+    if differ < LEAST_EFFORT:
+        text = "both wheels always get the same effort: how they act on each other cannot show"
+        step = "Add a run with one wheel against the other, and one with one wheel alone"
+        yield Check("straight", text, "note", step, blocks=("turning_scrub", "inertia_coupling"))
+
+
+def _saturation(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]:
+    del baseline
+    for wheel in WHEELS:
+        full = sum(int((np.abs(run.effort(wheel)) >= FULL_SCALE).sum()) for run in recordings)
+        rows = sum(len(run) for run in recordings)
+        if full > 0.05 * rows:
+            text = f"effort is at full scale in {100.0 * full / rows:.0f} % of the rows"
+            yield Check("full_scale", text, "note", "", None, wheel)
+
+
+def _slow_log(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]:
+    fastest = min(baseline.left.time_constant_s, baseline.right.time_constant_s)
+    for run in recordings:
+        if run.interval_s > 2.0 * fastest:
+            text = (
+                f"rows come {run.interval_s:.3g} s apart, and the baseline's wheels settle within that: "
+                "delays, lags and time constants cannot be judged"
+            )
+            step = f"Log at {math.ceil(4.0 / fastest):d} Hz or more"
+            yield Check("slow_log", text, "doubt", step, run.name, blocks=FAST_EFFECTS)
+            return
+
+
+def _geometry(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]:
+    robot = baseline.robot
+    missing = [
+        name
+        for name in ("wheel_radius_m", "wheelbase_m", "counts_per_rev")
+        if robot is None or getattr(robot, name) is None
+    ]
+    pose = any(_has_outside_pose(run) for run in recordings)
+    if missing:
+        lacks = "has no [robot]" if robot is None else f"[robot] lacks {listed(missing)}"
+        blocks: tuple[str, ...] = ()
+        if "wheelbase_m" in missing:
+            blocks = (*POSE_EFFECTS, "heading_drift")
+        elif not any(run.has_pair("pos") for run in recordings) and "counts_per_rev" in missing:
+            blocks = POSE_EFFECTS
+        text = f"the baseline {lacks}: " + (
+            "only the wheels' speeds are judged" if blocks else "what depends on it is not judged"
+        )
+        step = "Add [robot] with wheel_radius_m, wheelbase_m and counts_per_rev to the baseline"
+        yield Check("geometry", text, "note", step, blocks=blocks)
+    if not pose:
+        text = "no pose from outside the robot: whether it goes where its wheels say is not judged"
+        step = "Mark start and end of a run on the floor and write truth_x_m, truth_y_m, truth_theta_rad"
+        # A yaw rate tells how the robot turns, and nothing of how far it goes.
+        turns = any("gyro_z_radps" in run.columns for run in recordings)
+        yield Check("no_pose", text, "note", step, blocks=("wheel_slip",) if turns else POSE_EFFECTS)
+
+
+def _has_outside_pose(run: Run) -> bool:
+    return all(name in run.columns for name in POSE_COLUMNS)
+
+
+_INSPECTIONS: tuple[Callable[[RecordingSet, Baseline], Iterator[Check]], ...] = (
+    _few_runs,
+    _one_sided,
+    _turns,
+    _saturation,
+    _slow_log,
+    _geometry,
+)
