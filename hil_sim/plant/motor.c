@@ -58,6 +58,16 @@ void motor_set_bridge(struct motor *motor, double in1_duty, double in2_duty)
     motor->drive_sign = in1 < in2 ? -1.0 : 1.0;
 }
 
+void motor_set_resistance(struct motor *motor, double resistance_ohm)
+{
+    const double inductance_h = motor->time_constant_s * motor->resistance_ohm;
+    motor->resistance_ohm = resistance_ohm;
+    motor->time_constant_s = inductance_h / resistance_ohm;
+    motor->brake = segment(motor, motor->brake.duration_s / period_s);
+    motor->drive = segment(motor, motor->drive.duration_s / period_s);
+    motor->coast = segment(motor, motor->coast.duration_s / period_s);
+}
+
 /* Current through one stretch at a fixed voltage; returns its integral. */
 static double flow(struct motor *motor, const struct motor_segment *part, double final_a)
 {

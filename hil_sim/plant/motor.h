@@ -28,6 +28,9 @@ struct motor_flow {
 
 void motor_init(struct motor *motor, const struct plant_motor_params *params,
                 const struct plant_bridge_params *bridge);
+
+/* A winding that has become warmer or colder; its inductance stays. */
+void motor_set_resistance(struct motor *motor, double resistance_ohm);
 void motor_set_bridge(struct motor *motor, double in1_duty, double in2_duty);
 struct motor_flow motor_step(struct motor *motor, double emf_v, double supply_v);
 

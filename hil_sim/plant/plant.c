@@ -5,31 +5,14 @@
 #include <stdbool.h>
 #include <stdlib.h>
 
-#include "battery.h"
-#include "chassis.h"
-#include "friction.h"
-#include "motor.h"
+#include "hidden_robot.h"
+#include "interior.h"
+#include "recorder.h"
 #include "sensor.h"
 
 static const double step_s = PLANT_STEP_US * 1e-6;
 
-struct plant {
-    struct plant_params params;
-    uint64_t seed;
-    uint64_t steps;
-    struct battery battery;
-    struct motor motor[PLANT_WHEELS];
-    struct chassis chassis;
-    struct friction_mass mass;          /* the chassis', with one step's viscous friction */
-    double emf_per_speed[PLANT_WHEELS]; /* back-EMF per rim speed, V s/m; equals force per current */
-    double angle_rad[PLANT_WHEELS];
-    double angle_before_rad[PLANT_WHEELS];    /* one step ago */
-    double acceleration_radps2[PLANT_WHEELS]; /* more than a wheel ever has, see fastest_change */
-    struct friction_speeds rims;
-    double hold_nm[PLANT_WHEELS]; /* dry friction from outside */
-};
-
-static double viscous_kg(const struct plant_wheel_params *wheel)
+double plant_viscous_kg(const struct plant_wheel_params *wheel)
 {
     return step_s * wheel->friction.viscous_nms_per_rad / (wheel->radius_m * wheel->radius_m);
 }
@@ -61,8 +44,8 @@ struct plant *plant_create(const struct plant_params *params, uint64_t seed)
     battery_init(&plant->battery, &params->battery);
     chassis_init(&plant->chassis, params);
     plant->mass = plant->chassis.mass;
-    plant->mass.left += viscous_kg(&params->wheel[0]);
-    plant->mass.right += viscous_kg(&params->wheel[1]);
+    plant->mass.left += plant_viscous_kg(&params->wheel[0]);
+    plant->mass.right += plant_viscous_kg(&params->wheel[1]);
     for (int i = 0; i < PLANT_WHEELS; i++) {
         const struct plant_wheel_params *wheel = &params->wheel[i];
         motor_init(&plant->motor[i], &wheel->motor, &params->bridge);
@@ -74,6 +57,10 @@ struct plant *plant_create(const struct plant_params *params, uint64_t seed)
 
 void plant_destroy(struct plant *plant)
 {
+    if (plant != NULL) {
+        hidden_destroy(plant->hidden);
+        free(plant->recorder);
+    }
     free(plant);
 }
 
@@ -84,7 +71,14 @@ static bool is_wheel(int wheel)
 
 void plant_set_bridge(struct plant *plant, int wheel, double in1_duty, double in2_duty)
 {
-    if (is_wheel(wheel)) {
+    if (!is_wheel(wheel)) {
+        return;
+    }
+    plant->asked_duty[wheel][0] = in1_duty;
+    plant->asked_duty[wheel][1] = in2_duty;
+    if (plant->hidden != NULL) {
+        hidden_set_bridge(plant, wheel, in1_duty, in2_duty);
+    } else {
         motor_set_bridge(&plant->motor[wheel], in1_duty, in2_duty);
     }
 }
@@ -101,10 +95,13 @@ void plant_turn_wheel(struct plant *plant, int wheel, double angle_rad)
     if (is_wheel(wheel)) {
         plant->angle_rad[wheel] += angle_rad;
         plant->angle_before_rad[wheel] += angle_rad;
+        if (plant->hidden != NULL) {
+            hidden_turn_wheel(plant, wheel, angle_rad);
+        }
     }
 }
 
-static double dry_impulse(const struct plant_wheel_params *wheel, double rim_speed, double hold_nm)
+double plant_dry_impulse(const struct plant_wheel_params *wheel, double rim_speed, double hold_nm)
 {
     const double torque = friction_limit_nm(&wheel->friction, rim_speed / wheel->radius_m) + hold_nm;
     return step_s * torque / wheel->radius_m;
@@ -128,8 +125,8 @@ static void step(struct plant *plant)
     const double momentum_right = mass->cross * before.left + mass->right * before.right +
                                   plant->emf_per_speed[1] * right.motor_charge_as;
     const struct friction_limits limits = {
-        .left = dry_impulse(&wheel[0], before.left, plant->hold_nm[0]),
-        .right = dry_impulse(&wheel[1], before.right, plant->hold_nm[1]),
+        .left = plant_dry_impulse(&wheel[0], before.left, plant->hold_nm[0]),
+        .right = plant_dry_impulse(&wheel[1], before.right, plant->hold_nm[1]),
         .twist = step_s * chassis_scrub_n(&plant->chassis, &before),
     };
     plant->rims = friction_solve(&plant->mass, momentum_left, momentum_right, &limits);
@@ -146,8 +143,21 @@ static void step(struct plant *plant)
 
 void plant_advance(struct plant *plant, uint64_t steps)
 {
+    if (plant->hidden == NULL && plant->recorder == NULL) {
+        for (uint64_t i = 0; i < steps; i++) {
+            step(plant);
+        }
+        return;
+    }
     for (uint64_t i = 0; i < steps; i++) {
-        step(plant);
+        if (plant->hidden != NULL) {
+            hidden_step(plant);
+        } else {
+            step(plant);
+        }
+        if (plant->recorder != NULL) {
+            recorder_look(plant);
+        }
     }
 }
 
@@ -156,6 +166,9 @@ int64_t plant_encoder_position(const struct plant *plant, int wheel)
     if (!is_wheel(wheel)) {
         return 0;
     }
+    if (plant->hidden != NULL) {
+        return hidden_count(plant, wheel, 1.0);
+    }
     return sensor_count(&plant->params.wheel[wheel].encoder, plant->seed, wheel, plant->angle_rad[wheel]);
 }
 
@@ -163,6 +176,9 @@ int64_t plant_encoder_within(const struct plant *plant, int wheel, double share)
 {
     if (!is_wheel(wheel)) {
         return 0;
+    }
+    if (plant->hidden != NULL) {
+        return hidden_count(plant, wheel, share);
     }
     const double before = plant->angle_before_rad[wheel];
     const double angle = before + (plant->angle_rad[wheel] - before) * share;
@@ -175,8 +191,14 @@ double plant_encoder_quiet_steps(const struct plant *plant, int wheel, double sh
         return INFINITY;
     }
     const struct plant_encoder_params *encoder = &plant->params.wheel[wheel].encoder;
-    const double before = plant->angle_before_rad[wheel];
-    const double moved = plant->angle_rad[wheel] - before;
+    struct hidden_disc disc = {.before_rad = plant->angle_before_rad[wheel],
+                               .after_rad = plant->angle_rad[wheel],
+                               .acceleration_radps2 = plant->acceleration_radps2[wheel]};
+    if (plant->hidden != NULL) {
+        disc = hidden_disc(plant, wheel);
+    }
+    const double before = disc.before_rad;
+    const double moved = disc.after_rad - before;
     const double angle = before + moved * share;
     struct sensor_edges edges;
     sensor_edges(encoder, plant->seed, wheel, angle, &edges);
@@ -187,9 +209,9 @@ double plant_encoder_quiet_steps(const struct plant *plant, int wheel, double sh
         return ahead / moved > 0.0 ? ahead / moved : 0.0;
     }
     /* Beyond its end: s = v t + a t^2 / 2 must not reach the nearer edge, whichever way the wheel turns. */
-    const double end = plant->angle_rad[wheel];
+    const double end = disc.after_rad;
     const double room = fmin(edges.above_rad - end, end - edges.below_rad);
-    const double acceleration = plant->acceleration_radps2[wheel];
+    const double acceleration = disc.acceleration_radps2;
     const double speed = fabs(moved) / step_s + acceleration * step_s; /* at the step's end, not its middle */
     const double quiet_s = acceleration < INFINITY && room > 0.0
                                ? 2.0 * room / (speed + sqrt(speed * speed + 2.0 * acceleration * room))

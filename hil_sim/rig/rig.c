@@ -299,6 +299,24 @@ void rig_truth(struct rig *rig, struct plant_state *out)
     }
 }
 
+bool rig_hide(struct rig *rig, const struct plant_hidden *hidden)
+{
+    advance_plant(rig, board_time_ps(rig->board));
+    return rig->plant != NULL && plant_hide(rig->plant, hidden);
+}
+
+bool rig_record(struct rig *rig, struct plant_sample *out, size_t capacity, uint64_t every_steps)
+{
+    advance_plant(rig, board_time_ps(rig->board));
+    return rig->plant != NULL && plant_record(rig->plant, out, capacity, every_steps);
+}
+
+size_t rig_recorded(struct rig *rig)
+{
+    advance_plant(rig, board_time_ps(rig->board));
+    return rig->plant == NULL ? 0 : plant_recorded(rig->plant);
+}
+
 void rig_bridge(const struct rig *rig, int wheel, double out[2])
 {
     out[0] = rig->duty[wheel][0];

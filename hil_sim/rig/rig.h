@@ -7,7 +7,9 @@
 #include <stdint.h>
 
 #include "../board/board.h"
+#include "../plant/hidden.h"
 #include "../plant/plant.h"
+#include "../plant/record.h"
 
 #pragma GCC visibility push(default)
 
@@ -44,6 +46,12 @@ size_t rig_link_read(struct rig *rig, uint8_t *out, size_t capacity);
 size_t rig_link_pending(const struct rig *rig); /* bytes to the board still on the line */
 /* Speed of the host's port; bytes garble when the board's differs by more than 3 %. 0: the cable is cut. */
 void rig_link_baud(struct rig *rig, double baud);
+
+/* Hides effects in the robot from the present time on (plant_hide); false: bad numbers, or no robot. */
+bool rig_hide(struct rig *rig, const struct plant_hidden *hidden);
+/* Writes down the robot's truth from the present time on (plant_record). */
+bool rig_record(struct rig *rig, struct plant_sample *out, size_t capacity, uint64_t every_steps);
+size_t rig_recorded(struct rig *rig);
 
 /* Truth of the robot at the present time. */
 void rig_truth(struct rig *rig, struct plant_state *out);

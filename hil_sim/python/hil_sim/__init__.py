@@ -1,6 +1,7 @@
 """The virtual robot: the flashed image on a virtual STM32F405, wired to a simulated robot."""
 
 from hil_sim.elf import ElfError, Image
+from hil_sim.hidden import HiddenEffects
 from hil_sim.plant import PlantError, PlantState, RobotParameters
 from hil_sim.robot import (
     BoardStats,
@@ -18,6 +19,7 @@ __all__ = [
     "ElfError",
     "EncoderFault",
     "ExceptionCost",
+    "HiddenEffects",
     "Image",
     "PlantError",
     "PlantState",

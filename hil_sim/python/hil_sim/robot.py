@@ -8,11 +8,15 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hil_sim import native
 from hil_sim.elf import Image
+from hil_sim.hidden import HiddenEffects, hidden_to_native
 from hil_sim.plant import PlantState, RobotParameters, new_native_state, state_from_native, to_native
+
+if TYPE_CHECKING:
+    from hil_sim.recorded import Samples
 
 DEFAULT_BOARD_ID = bytes.fromhex("3930325547310a0000000001")
 """Unique id of a virtual board unless another is given."""
@@ -253,6 +257,28 @@ class VirtualRobot:
         state = new_native_state()
         self._library.rig_truth(self._rig, ctypes.byref(state))
         return state_from_native(state)
+
+    def hide(self, hidden: HiddenEffects) -> None:
+        """Give the robot effects beyond its parameters from now on."""
+        made = hidden_to_native(hidden)
+        if not self._library.rig_hide(self._rig, ctypes.byref(made)):
+            problem = self._library.plant_hidden_problem(ctypes.byref(made))
+            raise VirtualRobotError("no robot is connected" if problem is None else problem.decode())
+
+    def record(self, longest_s: float, interval_s: float = 1e-3) -> None:
+        """Write down the robot's truth from now on, for so long at most."""
+        import numpy as np
+
+        from hil_sim.recorded import SAMPLE, steps_of
+
+        self._samples = np.zeros(round(longest_s / interval_s) + 2, SAMPLE)
+        self._library.rig_record(
+            self._rig, self._samples.ctypes.data, self._samples.size, steps_of(interval_s)
+        )
+
+    def recorded(self) -> Samples:
+        """Return what has been written down since `record`; at least an empty array."""
+        return self._samples[: int(self._library.rig_recorded(self._rig))]
 
     def bridge(self, wheel: int) -> tuple[float, float]:
         """Return the fraction of time each bridge input of a wheel is high; below 0: not driven."""

@@ -1,0 +1,11 @@
+/* Tyres of finite grip: force from slip. */
+#ifndef PLANT_TYRE_H
+#define PLANT_TYRE_H
+
+#include "hidden.h"
+
+/* Force on the floor's contact, N, that drives the body forward, of a rim that runs at `rim_mps` over a floor
+ * that passes at `floor_mps`, pressed down with `load_n`. */
+double tyre_force_n(const struct plant_hidden_tyre *params, double load_n, double rim_mps, double floor_mps);
+
+#endif
