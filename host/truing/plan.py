@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import itertools
+import json
 import math
 import tomllib
 from dataclasses import dataclass
@@ -82,6 +83,21 @@ class Plan:
             for segment in self.segments
         ]
         return content
+
+    def to_toml(self) -> str:
+        """As a plan file, which `truing run` takes; its name becomes the file's."""
+        title = json.dumps(self.title, ensure_ascii=False)
+        lines = [f"title = {title}"]
+        if self.log_rate_hz:
+            lines.append(f"log_rate_hz = {self.log_rate_hz}")
+        for segment in self.segments:
+            if segment.kind is Kind.TWIST:
+                value = f"{{ v_mps = {segment.a!r}, omega_radps = {segment.b!r} }}"
+            else:
+                value = f"[{segment.a!r}, {segment.b!r}]"
+            lines += ["", "[[segment]]", f"duration_s = {segment.duration_s!r}"]
+            lines.append(f"{segment.kind.value} = {value}")
+        return "\n".join(lines) + "\n"
 
 
 def built_in_names() -> list[str]:

@@ -35,6 +35,7 @@ COMMANDS: dict[str, str] = {
     "import": "Turn recordings of other programs into a set of runs.",
     "identify": "Gains and time constants of recordings.",
     "fit": "Models of both wheels, judged on runs they never saw.",
+    "diagnose": "Where a simulation is wrong, and which physics it leaves out.",
     "export": "Write a model for a simulator or a controller.",
     "plot": "Draw recordings.",
     "paper": "Drive the paper's tests I to XVII, print Tables III and IV beside it.",

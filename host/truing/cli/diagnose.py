@@ -1,0 +1,144 @@
+"""`truing diagnose`: where a simulation differs from recordings, and which physics it leaves out."""
+
+from __future__ import annotations
+
+import json
+import os
+import textwrap
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from truing.cli.app import App, pass_app
+
+if TYPE_CHECKING:
+    from truing.diagnose.result import Diagnosis
+
+LINE_WIDTH = 100
+
+
+@click.command()
+@click.argument("runs", metavar="RUNS", type=click.Path(path_type=Path))
+@click.option(
+    "--model",
+    metavar="BASELINE.TOML",
+    type=click.Path(path_type=Path),
+    help="What the simulation knows.  [default: the baseline.toml beside the runs]",
+)
+@click.option(
+    "--sim-runs",
+    metavar="DIR",
+    type=click.Path(path_type=Path),
+    help="Output of another simulator: CSV files of the same names, rows and efforts.",
+)
+@click.option(
+    "--json", "json_path", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
+    help="Write the verdict with everything behind it.",
+)  # fmt: skip
+@click.option(
+    "--report", "report_path", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
+    help="Write one HTML page that opens anywhere.",
+)  # fmt: skip
+@click.option(
+    "--export",
+    "exports",
+    metavar="KIND:FILE",
+    multiple=True,
+    help="Write the corrected model (toml, mjcf, fmu, ...; see `truing export`) or, as params, values for "
+    "the board.",
+)
+@click.option(
+    "--next-run", "next_run", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
+    help="Write the run that would settle an undecided verdict, for `truing run`.",
+)  # fmt: skip
+@click.option(
+    "--floor", "floor_m", metavar="METRES", type=click.FloatRange(min=0.1), default=4.0, show_default=True,
+    help="Floor that the next run may use.",
+)  # fmt: skip
+@click.option("--wheels-only", is_flag=True, help="Leave the outside pose aside.")
+@click.option("--jobs", type=click.IntRange(min=1), help="Threads.  [default: one for each core]")
+@pass_app
+def command(
+    app: App,
+    runs: Path,
+    model: Path | None,
+    sim_runs: Path | None,
+    json_path: Path | None,
+    report_path: Path | None,
+    exports: tuple[str, ...],
+    next_run: Path | None,
+    floor_m: float,
+    wheels_only: bool,
+    jobs: int | None,
+) -> None:
+    """Say where the simulation of BASELINE.TOML differs from RUNS, which physics it leaves out, and how sure
+    that is; or that its numbers are off; or that nothing in the catalogue explains what is there.
+
+    RUNS is a recording set, a folder of CSV files, one CSV file, or a file of another program
+    (`truing import --help` lists them). The exit status is 0 whatever the verdict, 2 for bad input.
+
+    \b
+    Examples:
+      truing diagnose my_robot
+      truing diagnose my_robot --model baseline.toml --json verdict.json --report verdict.html
+      truing diagnose my_robot --sim-runs gazebo_output
+      truing diagnose my_robot --export toml:model.toml --export params:board.toml
+      truing diagnose my_robot --next-run next.toml && truing run next.toml --set my_robot
+    """
+    # Set before numpy is loaded: the matrices here are small, and threads of their own only get in the way.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    with _one_line_errors():
+        from truing.diagnose.exports import parse_exports, write_exports
+        from truing.diagnose.session import Options, diagnose_recordings, read_for_diagnosis
+        from truing.recording_writer import replace_file
+
+        wanted = parse_exports(exports)
+        recordings = read_for_diagnosis(runs, model)
+        options = Options(sim_runs, wheels_only, jobs, floor_m)
+        with app.progress("diagnosing") as progress:
+            diagnosis = diagnose_recordings(recordings, options, progress)
+        _say(app, diagnosis)
+        if json_path is not None:
+            text = json.dumps(diagnosis.to_json(), indent=2, allow_nan=False) + "\n"
+            replace_file(json_path, text.encode("utf-8"))
+            app.say(f"written: {json_path}")
+        if report_path is not None:
+            from truing.diagnose.report import save_report
+
+            save_report(recordings, diagnosis, report_path)
+            app.say(f"written: {report_path}")
+        for line in write_exports(wanted, recordings, diagnosis) if wanted else []:
+            app.say(line)
+        if next_run is not None and diagnosis.next_experiment is not None:
+            replace_file(next_run, diagnosis.next_experiment.plan.to_toml().encode("utf-8"))
+            app.say(f"written: {next_run}")
+        elif next_run is not None:
+            app.say(f"not written: {next_run} (there is nothing left to tell apart)")
+    app.emit(diagnosis.to_json())
+
+
+@contextmanager
+def _one_line_errors() -> Iterator[None]:
+    """Put the next step into the message: other programs read one line."""
+    from truing.errors import TruingError
+
+    try:
+        yield
+    except TruingError as error:
+        if error.next_step:
+            error.message, error.next_step = f"{error.message}. {error.next_step}", ""
+        raise
+
+
+def _say(app: App, diagnosis: Diagnosis) -> None:
+    from truing.diagnose.words import sections
+
+    for section in sections(diagnosis):
+        app.say(section.title)
+        for line in section.lines:
+            for part in textwrap.wrap(line, LINE_WIDTH, initial_indent="  ", subsequent_indent="    "):
+                app.say(part)
+        app.say()

@@ -1,0 +1,106 @@
+"""The user's baseline with what the diagnosis found: as a baseline, and as a model for the exporters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+from truing.baseline import Baseline, RobotGeometry, WheelModel
+from truing.diagnose.result import Diagnosis, NamedEffect
+from truing.diagnose.words import alternatives, effect_title, joined
+from truing.exporters.source import from_baseline
+from truing.model.robot_model import RobotModel
+from truing.recording import Wheel
+
+
+@dataclass(frozen=True, slots=True)
+class CorrectedModel:
+    """What to simulate from now on.
+
+    Attributes
+    ----------
+    baseline : every effect by the contract's names, numbers refitted with them.
+    model : the part of it that a wheel's physics can express, for the exporters.
+    notes : what `model` leaves out, and what was chosen where the verdict leaves a choice.
+    """
+
+    baseline: Baseline
+    model: RobotModel
+    notes: tuple[str, ...]
+
+    def to_toml(self) -> str:
+        """A model file that is a baseline with every effect in it, also those that no wheel's physics has."""
+        held = self.model.effects()
+        more = [_table(name, table) for name, table in self.baseline.effects.items() if name not in held]
+        return "\n".join([self.model.to_toml(), *more])
+
+
+def corrected_model(diagnosis: Diagnosis, baseline: Baseline) -> CorrectedModel:
+    """Put the refitted numbers and the named effects (of the likeliest explanation) into the baseline."""
+    notes = []
+    chosen = chosen_effects(diagnosis)
+    if diagnosis.verdict == "ambiguous":
+        others = [" with ".join(map(effect_title, names)) for names in alternatives(diagnosis)[1:]]
+        here = joined([effect_title(effect.name) for effect in chosen])
+        notes.append(f"{here} is taken, the likeliest; {joined(others, 'or')} would do as well")
+    if diagnosis.verdict == "unexplained":
+        notes.append("only the numbers are refitted: what is missing is not in the catalogue")
+    effects: dict[str, dict[str, Any]] = {name: dict(table) for name, table in baseline.effects.items()}
+    for effect in chosen:
+        effects[effect.name] = {name: item.value for name, item in effect.parameters.items()}
+    left, right = (_wheel(diagnosis, baseline, side) for side in ("left", "right"))
+    robot = baseline.robot
+    if "wheelbase_error" in effects and robot is not None and robot.wheelbase_m is not None:
+        factor = float(effects.pop("wheelbase_error")["factor"])
+        robot = replace(robot, wheelbase_m=factor * robot.wheelbase_m)
+    if "side_asymmetry" in effects:
+        left, right = _sides(left, right, effects.pop("side_asymmetry"))
+    corrected = replace(baseline, left=left, right=right, robot=robot, effects=effects)
+    model, unused = from_baseline(corrected)
+    named = tuple(effect_title(effect.name) for effect in chosen)
+    source = {"diagnosis": f"{diagnosis.name}, {diagnosis.verdict.replace('_', ' ')}"}
+    if named:
+        source["added"] = joined(named)
+    model = replace(model, robot=corrected.robot or RobotGeometry(), source=source)
+    return CorrectedModel(corrected, model, (*notes, *unused))
+
+
+def chosen_effects(diagnosis: Diagnosis) -> tuple[NamedEffect, ...]:
+    """The named effects that act together in the likeliest explanation."""
+    if diagnosis.verdict != "ambiguous":
+        return diagnosis.effects
+    first = alternatives(diagnosis)[0]
+    return tuple(effect for effect in diagnosis.effects if effect.name in first)
+
+
+def _wheel(diagnosis: Diagnosis, baseline: Baseline, side: str) -> WheelModel:
+    given = baseline.left if side == "left" else baseline.right
+    if diagnosis.verdict == "consistent":
+        return given
+    values = {entry.name: entry.with_effects.value for entry in diagnosis.numbers if entry.wheel == side}
+    return WheelModel(
+        values.get("gain_mps", given.gain_mps), values.get("time_constant_s", given.time_constant_s)
+    )
+
+
+def _sides(left: WheelModel, right: WheelModel, ratios: dict[str, Any]) -> tuple[WheelModel, WheelModel]:
+    """Two different wheels in place of two equal ones; the right one keeps its numbers."""
+    return (
+        WheelModel(
+            right.gain_mps * float(ratios["gain_ratio"]),
+            right.time_constant_s * float(ratios["time_constant_ratio"]),
+        )
+        if left == right
+        else left
+    ), right
+
+
+def wheel_of(corrected: CorrectedModel, side: Wheel) -> WheelModel:
+    """One wheel's two numbers."""
+    return corrected.baseline.left if side == "left" else corrected.baseline.right
+
+
+def _table(name: str, table: dict[str, Any]) -> str:
+    lines = [f"[effect.{name}]"]
+    lines += [f"{key} = {float(value)!r}" for key, value in table.items() if isinstance(value, int | float)]
+    return "\n".join(lines) + "\n"

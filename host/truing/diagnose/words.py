@@ -1,0 +1,308 @@
+"""A diagnosis in sentences, the same ones for the terminal and for the report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from truing.diagnose.result import Diagnosis, EffectParameter, FitErrors, MismatchSpan, NamedEffect, Verdict
+
+HEADINGS: dict[Verdict, str] = {
+    "consistent": "The simulation explains the recordings",
+    "parameters_only": "The numbers are off, the physics is complete",
+    "missing_physics": "Physics is missing",
+    "ambiguous": "Physics is missing, and these recordings cannot tell which",
+    "unexplained": "Something is there that nothing in the catalogue explains",
+}
+# Numbers beyond these are said in the smaller unit.
+_SMALLER = {"s": ("ms", 1e3), "m/s": ("mm/s", 1e3), "m": ("mm", 1e3)}
+_UNIT_WORDS = {"effort": "of full effort", "1": "", "fraction": "", "factor": "", "ratio": ""}
+MOST_PLACES = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A heading and its sentences."""
+
+    title: str
+    lines: tuple[str, ...]
+
+
+def effect_title(name: str) -> str:
+    """An effect in plain words, as its file says them."""
+    from truing.diagnose.catalogue import CATALOGUE
+
+    effect = CATALOGUE.get(name)
+    return name.replace("_", " ") if effect is None else effect.title
+
+
+def sections(diagnosis: Diagnosis) -> tuple[Section, ...]:
+    """Everything worth saying, in the order in which a reader asks for it."""
+    found = (
+        Section("Verdict", (headline(diagnosis), *error_lines(diagnosis))),
+        Section("What is missing", tuple(effect_lines(diagnosis))),
+        Section("The numbers", tuple(number_lines(diagnosis))),
+        Section("Where", tuple(place_lines(diagnosis))),
+        Section("How sure", tuple(doubt_lines(diagnosis))),
+        Section("What to do next", tuple(next_lines(diagnosis))),
+    )
+    return tuple(section for section in found if section.lines)
+
+
+def headline(diagnosis: Diagnosis) -> str:
+    """The verdict in one sentence."""
+    verdict = diagnosis.verdict
+    if verdict == "consistent":
+        return "Your simulation explains the recordings down to their noise: nothing is missing."
+    if verdict == "parameters_only":
+        return "Your numbers are off, your physics is complete."
+    if verdict == "missing_physics":
+        titles = [effect_title(effect.name) for effect in diagnosis.effects]
+        verb = "is" if len(titles) == 1 else "are"
+        where = _wheel_words(diagnosis.effects[0].scope) if len(diagnosis.effects) == 1 else ""
+        return f"{capital(joined(titles))} {verb} missing{where}{_sure(diagnosis.confidence)}."
+    if verdict == "ambiguous":
+        options = [" with ".join(map(effect_title, names)) for names in alternatives(diagnosis)]
+        return f"Something is missing, and these recordings cannot tell which: {joined(options, 'or')}."
+    return "Something is there, and nothing in the catalogue explains it."
+
+
+def alternatives(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
+    """The explanations left under `ambiguous`, each as its effects."""
+    groups: dict[int, list[str]] = {}
+    alone = [effect for effect in diagnosis.effects if effect.indistinguishable_from]
+    if len({effect.explanation for effect in alone}) < 2:
+        return [(effect.name,) for effect in diagnosis.effects]
+    for effect in diagnosis.effects:
+        groups.setdefault(effect.explanation, []).append(effect.name)
+    return [tuple(names) for names in groups.values()]
+
+
+def effect_lines(diagnosis: Diagnosis) -> list[str]:
+    """Each effect with its parameters, and what it does to the error on runs it was not fitted to."""
+    lines = []
+    for effect in diagnosis.effects:
+        lines.append(f"{capital(effect_title(effect.name))}: {parameters_text(effect)}.")
+        lines.append(_before_after(effect, diagnosis))
+        if effect.note:
+            lines.append(sentence(effect.note))
+    return lines
+
+
+def parameters_text(effect: NamedEffect) -> str:
+    """Every parameter with its interval."""
+    parts = []
+    for name, parameter in effect.parameters.items():
+        label = {"left": "left", "right": "right"}.get(name, name.replace("_", " "))
+        shown = value_text(parameter)
+        parts.append(shown if len(effect.parameters) == 1 and name != "scrub" else f"{label} {shown}")
+    return ", ".join(parts)
+
+
+def value_text(parameter: EffectParameter) -> str:
+    """A value with its unit and interval, in as many digits as the interval is worth."""
+    unit, scale = _shown_unit(parameter)
+    low, high = (scale * end for end in parameter.ci95)
+    value = scale * parameter.value
+    digits = _digits(high - low, value)
+    words = _UNIT_WORDS.get(unit, unit)
+    spaced = f" {words}" if words else ""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return f"{_fixed(value, digits)}{spaced}"
+    return f"{_fixed(value, digits)}{spaced} ({_fixed(low, digits)} to {_fixed(high, digits)})"
+
+
+def _before_after(effect: NamedEffect, diagnosis: Diagnosis) -> str:
+    before, after = effect.heldout_rmse_before, effect.heldout_rmse_after
+    if not (math.isfinite(before) and math.isfinite(after)):
+        return "It was not judged on runs left out: there are too few."
+    fit = diagnosis.pose_fit if effect.domain == "pose" and diagnosis.pose_fit else diagnosis.fit
+    floor = f"; the noise floor is {amount(fit.noise_floor, fit.unit)}" if fit.unit == effect.unit else ""
+    change = "falls" if after < before else "goes"
+    start, end = two_amounts(before, after, effect.unit)
+    return f"With it, the error on runs that were not fitted {change} from {start} to {end}{floor}."
+
+
+def error_lines(diagnosis: Diagnosis) -> list[str]:
+    """The free-run errors beside the noise floor."""
+    lines = [_errors(diagnosis.fit, "Free-run error of the wheels' speeds", diagnosis)]
+    if diagnosis.pose_fit is not None:
+        lines.append(_errors(diagnosis.pose_fit, "Error of the pose over short windows", diagnosis))
+    return lines
+
+
+def _errors(fit: FitErrors, what: str, diagnosis: Diagnosis) -> str:
+    parts = [
+        f"{amount(fit.baseline_rmse, fit.unit)} as given",
+        f"{amount(fit.refit_rmse, fit.unit)} with its own best numbers",
+    ]
+    if diagnosis.effects:
+        parts.append(f"{amount(fit.model_rmse, fit.unit)} with what is missing")
+    return f"{what}: {', '.join(parts)}; noise floor {amount(fit.noise_floor, fit.unit)}."
+
+
+def number_lines(diagnosis: Diagnosis) -> list[str]:
+    """The baseline's own numbers where they should change."""
+    lines = []
+    for entry in diagnosis.numbers:
+        low, high = entry.with_effects.ci95
+        if diagnosis.verdict == "consistent" or low <= entry.given <= high:
+            continue
+        name = {"gain_mps": "gain", "time_constant_s": "time constant"}.get(entry.name, entry.name)
+        change = 100.0 * (entry.with_effects.value / entry.given - 1.0) if entry.given else math.nan
+        lines.append(
+            f"{capital(entry.wheel)} {name}: {value_text(entry.with_effects)} instead of "
+            f"{entry.given:.4g} {entry.unit} ({change:+.1f} %)."
+        )
+    return lines
+
+
+def place_lines(diagnosis: Diagnosis) -> list[str]:
+    """Where the refitted baseline is off, places of one kind together, the strongest first."""
+    groups: dict[tuple[str, str], list[MismatchSpan]] = {}
+    for span in diagnosis.mismatch:
+        groups.setdefault((span.signal, span.regime), []).append(span)
+    ordered = sorted(groups.values(), key=lambda spans: -sum(span.share for span in spans))
+    lines = []
+    for spans in ordered[:MOST_PLACES]:
+        first = max(spans, key=lambda span: span.share)
+        share = sum(span.share for span in spans)
+        worst = max((span.times_noise or 0.0 for span in spans), default=0.0)
+        times = f", up to {_fixed(worst, 1)} times the noise" if worst >= 1.0 else ""
+        others = f" and {len(spans) - 1} like it" if len(spans) > 1 else ""
+        signal = capital(signal_words(first.signal))
+        lines.append(
+            f"{signal}, {first.regime}: {100.0 * share:.0f} % of the mismatch{times} "
+            f"({first.run}, {first.t_start_s:.2f} to {first.t_end_s:.2f} s{others})."
+        )
+    left = len(ordered) - MOST_PLACES
+    if left > 0:
+        rest = sum(span.share for spans in ordered[MOST_PLACES:] for span in spans)
+        kinds = "kind" if left == 1 else "kinds"
+        lines.append(f"{left} more {kinds} of place share the other {100.0 * rest:.0f} %.")
+    return lines
+
+
+def doubt_lines(diagnosis: Diagnosis) -> list[str]:
+    """Rivals, what the data hide, and what looks wrong with them."""
+    lines = list(map(sentence, diagnosis.notes))
+    lines += [sentence(str(check)) for check in diagnosis.checks if check.severity == "doubt"]
+    if diagnosis.not_exercised:
+        titles = sorted(effect_title(name) for name in diagnosis.not_exercised)
+        lines.append(f"These recordings could not have shown: {', '.join(titles)}.")
+    if diagnosis.weakly_exercised:
+        titles = sorted(effect_title(name) for name in diagnosis.weakly_exercised)
+        lines.append(f"Only if strong: {', '.join(titles)}.")
+    return lines
+
+
+def next_lines(diagnosis: Diagnosis) -> list[str]:
+    """What a user can do now."""
+    lines = []
+    experiment = diagnosis.next_experiment
+    if experiment is not None:
+        lines.append(
+            f"Drive this {experiment.plan.duration_s:.0f}-second run: {sentence(experiment.plan.title)}"
+        )
+        lines.append(sentence(experiment.why))
+    if diagnosis.verdict in ("missing_physics", "parameters_only"):
+        lines.append("Write the corrected model with --export, for example --export toml:model.toml.")
+    if diagnosis.compensation is not None and diagnosis.compensation.parameters:
+        names = ", ".join(diagnosis.compensation.parameters)
+        lines.append(
+            f"The board can counter it ({names}): --export params:board.toml, then "
+            "`truing params load --file board.toml`."
+        )
+    if diagnosis.verdict == "unexplained":
+        lines.append("Look at the places named: at what the robot did there, and at the recorder.")
+    steps = dict.fromkeys(check.next_step for check in diagnosis.checks if check.severity == "doubt")
+    lines += [sentence(step) for step in steps if step]
+    return lines
+
+
+def signal_words(signal: str) -> str:
+    """A column as a reader says it."""
+    words = {
+        "vel_left_mps": "left wheel",
+        "vel_right_mps": "right wheel",
+        "truth_x_m": "position",
+        "truth_y_m": "position",
+        "truth_theta_rad": "heading",
+        "gyro_z_radps": "yaw rate",
+    }
+    return words.get(signal, signal)
+
+
+def amount(value: float, unit: str) -> str:
+    """An error with its unit, small ones in thousandths."""
+    if not math.isfinite(value):
+        return "unknown"
+    if unit in _SMALLER and abs(value) < 1.0:
+        unit, scale = _SMALLER[unit]
+        value *= scale
+    return f"{value:.3g} {unit}"
+
+
+def two_amounts(first: float, second: float, unit: str) -> tuple[str, str]:
+    """Two errors in one unit, said once, in digits that show their difference."""
+    if unit in _SMALLER and max(abs(first), abs(second)) < 1.0:
+        unit, scale = _SMALLER[unit]
+        first, second = scale * first, scale * second
+    digits = max(2, min(4, 1 - math.floor(math.log10(max(abs(first - second) / max(first, 1e-12), 1e-3)))))
+    return f"{first:.{digits}g}", f"{second:.{digits}g} {unit}"
+
+
+def joined(items: Sequence[str], word: str = "and") -> str:
+    """A list as a sentence has it."""
+    if len(items) < 2:
+        return "".join(items)
+    return f"{', '.join(items[:-1])} {word} {items[-1]}"
+
+
+def sentence(text: str) -> str:
+    """With a capital and a full stop."""
+    text = text.strip()
+    return capital(text if text.endswith((".", "!", "?")) or not text else f"{text}.")
+
+
+def capital(text: str) -> str:
+    """The first letter large, unless the word is a name with digits or underscores."""
+    first = text.split(" ", 1)[0] if text else ""
+    return text if "_" in first or any(c.isdigit() for c in first) else text[:1].upper() + text[1:]
+
+
+def plain(lines: Iterable[str]) -> str:
+    """Lines as one paragraph."""
+    return " ".join(lines)
+
+
+def _wheel_words(scope: str) -> str:
+    if scope in ("left", "right"):
+        return f" on the {scope} wheel"
+    return " on both wheels" if scope == "both" else ""
+
+
+def _sure(confidence: float) -> str:
+    return f" ({100.0 * min(confidence, 0.999):.3g} % sure)" if math.isfinite(confidence) else ""
+
+
+def _shown_unit(parameter: EffectParameter) -> tuple[str, float]:
+    if parameter.unit == "s" and abs(parameter.value) < 1.0:
+        return "ms", 1e3
+    if parameter.unit == "fraction" and abs(parameter.value) < 1.0:
+        return "%", 100.0
+    return parameter.unit, 1.0
+
+
+def _digits(width: float, value: float) -> int:
+    """Decimals that show the interval's width in two digits, within reason."""
+    size = width if math.isfinite(width) and width > 0.0 else 0.01 * abs(value)
+    if size <= 0.0 or not math.isfinite(size):
+        return 3
+    return max(0, min(6, 1 - math.floor(math.log10(size))))
+
+
+def _fixed(value: float, digits: int) -> str:
+    text = f"{value:.{digits}f}"
+    return text[1:] if text.startswith("-") and not text.strip("-0.") else text
