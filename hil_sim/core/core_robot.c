@@ -15,7 +15,6 @@
 #include "sensor.h"
 
 enum {
-    STEPS_PER_MS = 1000 / PLANT_STEP_US,
     PWM_COUNTS = 8400, /* of one 20 kHz period at 168 MHz */
     EFFORT_FULL = 10000,
     ADC_FULL_SCALE = 4096,
@@ -23,10 +22,21 @@ enum {
     BATTERY_VALID_TICKS = 2, /* the first conversion ends before the second tick */
 };
 
-/* The first tick after power-up, and where its reading of the counters lies within a plant step. */
-static const uint64_t first_tick_us = 3000;
-static const double read_share = 0.0;
-enum { DRIVE_AFTER_STEPS = 1 };
+/* Phases of the image on the virtual board, microseconds of its time. The counters are read at READ_US after
+ * the plant step in which the tick falls, an edge is dated LATE_US after it came, and the tick's work has
+ * ended SETTLE_US after that reading. */
+enum { FIRST_TICK_US = 14600, DRIVE_AFTER_STEPS = 1 };
+static const double read_us = 38.6;
+static const double late_us = 0.3;
+static const double settle_us = 30.0;
+
+/* The first edge of a wheel since the tick, as the board's external interrupts date it. */
+struct edge_watch {
+    int64_t watched; /* count at the beginning of the watch */
+    bool taken, settled, unclear;
+    double taken_us;
+    int64_t from;
+};
 
 struct core_robot {
     struct hal_host board;
@@ -37,6 +47,7 @@ struct core_robot {
     uint64_t next_tick_us;
     uint32_t ticks;
     uint16_t converted_mv;
+    struct edge_watch watch[PLANT_WHEELS];
 };
 
 struct core_robot *core_robot_create(const struct plant_params *params, uint64_t seed,
@@ -55,7 +66,7 @@ struct core_robot *core_robot_create(const struct plant_params *params, uint64_t
     robot->board.sample.battery_valid = false;
     robot->board.sample.battery_mv = 0;
     memcpy(robot->board.identity.board_id, board_id, sizeof robot->board.identity.board_id);
-    robot->next_tick_us = first_tick_us;
+    robot->next_tick_us = FIRST_TICK_US;
     for (int wheel = 0; wheel < PLANT_WHEELS; wheel++) {
         plant_set_bridge(robot->plant, wheel, 1.0, 1.0);
     }
@@ -70,14 +81,6 @@ void core_robot_destroy(struct core_robot *robot)
         plant_destroy(robot->plant);
     }
     free(robot);
-}
-
-static void advance_plant(struct core_robot *robot, uint64_t to_steps)
-{
-    if (to_steps > robot->plant_steps) {
-        plant_advance(robot->plant, to_steps - robot->plant_steps);
-        robot->plant_steps = to_steps;
-    }
 }
 
 static uint16_t converted_mv(const struct core_robot *robot)
@@ -97,23 +100,104 @@ static void drive(struct core_robot *robot, int wheel)
     plant_set_bridge(robot->plant, wheel, effort < 0 ? low : 1.0, effort > 0 ? low : 1.0);
 }
 
-static void tick(struct core_robot *robot)
+/* Count of a wheel as the board sees it at this time; the last step is shown while the next one passes. */
+static int64_t count_at(const struct core_robot *robot, int wheel, double since_step_us)
 {
-    advance_plant(robot, robot->next_tick_us / PLANT_STEP_US);
+    return plant_encoder_within(robot->plant, wheel, since_step_us / PLANT_STEP_US);
+}
+
+/* Looks for the first edge in a stretch of the step that is shown. */
+static void watch_stretch(struct core_robot *robot, int wheel, double from_us, double to_us)
+{
+    struct edge_watch *watch = &robot->watch[wheel];
+    if (watch->taken || count_at(robot, wheel, to_us) == watch->watched) {
+        return;
+    }
+    double before_us = from_us;
+    double after_us = to_us;
+    while (after_us - before_us > 0.001) {
+        const double middle_us = 0.5 * (before_us + after_us);
+        const bool passed = count_at(robot, wheel, middle_us) != watch->watched;
+        *(passed ? &after_us : &before_us) = middle_us;
+    }
+    watch->taken = true;
+    watch->taken_us = (double)(robot->plant_steps * PLANT_STEP_US) + after_us + late_us;
+}
+
+/* The tick has ended: which count the edge leaves is known from here on (encoders_settle of the board). */
+static void settle(struct core_robot *robot, int wheel, double since_step_us)
+{
+    struct edge_watch *watch = &robot->watch[wheel];
+    const int64_t moved = count_at(robot, wheel, since_step_us) - watch->watched;
+    watch->from = watch->taken ? watch->watched : watch->watched + moved;
+    watch->unclear = watch->taken && (moved > 1 || moved < -1);
+    watch->settled = true;
+}
+
+/* One plant step on, under the eyes of whoever waits for an edge. */
+static void advance_step(struct core_robot *robot, double until_us)
+{
+    plant_advance(robot->plant, 1);
+    robot->plant_steps++;
+    const double settled_us = read_us + settle_us - PLANT_STEP_US;
+    for (int wheel = 0; wheel < PLANT_WHEELS; wheel++) {
+        if (robot->watch[wheel].settled) {
+            watch_stretch(robot, wheel, 0.0, until_us);
+        } else {
+            watch_stretch(robot, wheel, 0.0, settled_us);
+            settle(robot, wheel, settled_us);
+            watch_stretch(robot, wheel, settled_us, until_us);
+        }
+    }
+}
+
+static void advance_to(struct core_robot *robot, uint64_t steps)
+{
+    while (robot->plant_steps < steps) {
+        if (robot->watch[0].taken && robot->watch[1].taken && robot->watch[0].settled) {
+            plant_advance(robot->plant, steps - robot->plant_steps);
+            robot->plant_steps = steps;
+            return;
+        }
+        advance_step(robot, robot->plant_steps + 1 < steps ? PLANT_STEP_US : read_us);
+    }
+}
+
+static void sense(struct core_robot *robot)
+{
     struct hal_sample *sample = &robot->board.sample;
     for (int wheel = 0; wheel < PLANT_WHEELS; wheel++) {
-        sample->counts[wheel] = (int32_t)plant_encoder_within(robot->plant, wheel, read_share);
+        struct edge_watch *watch = &robot->watch[wheel];
+        sample->counts[wheel] = (int32_t)count_at(robot, wheel, read_us);
+        sample->edge_dated[wheel] = watch->taken && watch->settled && !watch->unclear;
+        sample->edge_us[wheel] = (uint32_t)(uint64_t)watch->taken_us;
+        sample->edge_from[wheel] = (int32_t)watch->from;
+        *watch = (struct edge_watch){.watched = sample->counts[wheel]};
     }
+    /* hal_sense adds the tick that has passed. */
+    sample->now_us = (uint32_t)(robot->next_tick_us + (uint64_t)read_us) - HAL_HOST_TICK_US;
     robot->ticks++;
     sample->battery_valid = robot->ticks >= BATTERY_VALID_TICKS;
     sample->battery_mv = sample->battery_valid ? robot->converted_mv : 0;
-    robot->converted_mv = converted_mv(robot);
+}
+
+static void tick(struct core_robot *robot)
+{
+    const uint64_t step = robot->next_tick_us / PLANT_STEP_US;
+    advance_to(robot, step);
+    sense(robot);
     const int16_t before[HAL_WHEELS] = {robot->board.effort_e4[0], robot->board.effort_e4[1]};
     controller_tick(&robot->controller);
     controller_poll(&robot->controller);
     for (int wheel = 0; wheel < PLANT_WHEELS; wheel++) {
+        watch_stretch(robot, wheel, read_us, PLANT_STEP_US);
+    }
+    for (int i = 0; i < DRIVE_AFTER_STEPS; i++) {
+        advance_step(robot, PLANT_STEP_US);
+    }
+    robot->converted_mv = converted_mv(robot);
+    for (int wheel = 0; wheel < PLANT_WHEELS; wheel++) {
         if (robot->board.effort_e4[wheel] != before[wheel]) {
-            advance_plant(robot, robot->next_tick_us / PLANT_STEP_US + DRIVE_AFTER_STEPS);
             drive(robot, wheel);
         }
     }
