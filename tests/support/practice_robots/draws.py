@@ -51,7 +51,7 @@ def draw_machine(rng: Generator, *, sides_equal: bool) -> Machine:
         rotor_share=rotor_share,
         mass=_log_uniform(rng, 0.8, 10.0),
         counts_per_rev=float(rng.choice(COUNTS)),
-        electric_s=float(rng.uniform(1e-4, 5e-4)),
+        electric_s=float(rng.uniform(0.7e-4, 1.5e-4)),
     )
     return Machine(physics, gain, tau)
 
@@ -104,9 +104,7 @@ def draw_signals(rng: Generator, *, filtered: bool) -> Signals:
     return kinds[int(rng.choice(4, p=[0.45, 0.2, 0.2, 0.15]))]
 
 
-def draw_baseline(
-    rng: Generator, machine: Machine, *, exact: bool, sides_equal: bool
-) -> tuple[Array, Array]:
+def draw_baseline(rng: Generator, machine: Machine, *, exact: bool, sides_equal: bool) -> tuple[Array, Array]:
     """Gains (2,) and time constants (2,) as a user has them: off by up to 8 %."""
     off = rng.uniform(-0.08, 0.08, (2, 2))
     if exact:

@@ -62,7 +62,9 @@ def _coulomb_shape(draw: Draw) -> Shape:
 
 
 def _coulomb(physics: Physics, size: float, shape: Shape) -> Physics:
-    return physics._replace(running=size * shape["most"] * stall_torque(physics), bristle_rad=shape["bristle"])
+    return physics._replace(
+        running=size * shape["most"] * stall_torque(physics), bristle_rad=shape["bristle"]
+    )
 
 
 def _stribeck_shape(draw: Draw) -> Shape:
@@ -176,7 +178,9 @@ def _coast(physics: Physics, size: float, shape: Shape) -> Physics:
 
 def _coast_parameters(physics: Physics, size: float, shape: Shape) -> Parameters:
     brake = physics.torque_constant**2 / physics.resistance
-    return {"time_constant": float((physics.inertia / (physics.viscous + physics.coast_brake * brake)).mean())}
+    return {
+        "time_constant": float((physics.inertia / (physics.viscous + physics.coast_brake * brake)).mean())
+    }
 
 
 # Drive train --------------------------------------------------------------------------------------
@@ -355,7 +359,9 @@ CATALOGUE: dict[str, Hidden] = {
             exact=True,
         ),
         Hidden("current_limit", _plain, _limit_current, lambda p, _size, _s: {"limit": p.current_limit}),
-        Hidden("speed_limit", _plain, _limit_speed, lambda p, _size, _s: {"limit": p.speed_limit}, exact=True),
+        Hidden(
+            "speed_limit", _plain, _limit_speed, lambda p, _size, _s: {"limit": p.speed_limit}, exact=True
+        ),
         Hidden("direction_asymmetry", _direction_shape, _direction, _factors, exact=True),
         Hidden("side_asymmetry", _side_shape, _side, _side_parameters, exact=True),
         Hidden("coast_decay", _plain, _coast, _coast_parameters, exact=True),

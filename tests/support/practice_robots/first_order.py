@@ -38,7 +38,9 @@ def unit_speed(
     return out
 
 
-def best_gain(layout: Layout, tau: float, speed: Array, wheels: tuple[int, ...]) -> tuple[float, float, Array]:
+def best_gain(
+    layout: Layout, tau: float, speed: Array, wheels: tuple[int, ...]
+) -> tuple[float, float, Array]:
     """Gain, sum of squares and prediction (rows, wheels) at one time constant common to `wheels`."""
     shape = np.stack(
         [

@@ -11,7 +11,7 @@ from support.practice_robots.physics import Physics
 STEP_S = 2e-4
 STEPS_PER_MS = 5
 ANGLE, TRAVEL, COUNTS, FILTERED, X, Y, HEADING, YAW_RATE, SUPPLY, WARM = 0, 2, 4, 6, 8, 9, 10, 11, 12, 13
-"""Columns of a row: the encoder's angle and the ground's travel of both wheels, counts, filtered speed, pose."""
+"""Columns of a row: of both wheels the encoder's angle, the ground's travel, counts, filtered speed; pose."""
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -22,7 +22,7 @@ def simulate(
     start: NDArray[np.bool_],
     row: NDArray[np.bool_],
     quantised: bool,
-    seed: int,
+    random: np.random.Generator,
 ) -> NDArray[np.float64]:
     """Drive the robot through a set of runs laid end to end; one output row per marked millisecond's end.
 
@@ -42,7 +42,6 @@ def simulate(
     (rows, 15): encoder angle (rad) 2, ground travel (m) 2, counts 2, filtered rim speed (m/s) 2,
     x, y (m), heading (rad), yaw rate (rad/s), supply (V), relative rise of the windings' resistance 2.
     """
-    np.random.seed(seed)
     n = effort.shape[0]
     out = np.zeros((int(row.sum()), 15))
     fetched = 0
@@ -101,7 +100,7 @@ def simulate(
     lost = np.zeros(2)
     whole = np.zeros(2)
     lost_whole = np.zeros(2)
-    phase = np.random.random(2)
+    phase = random.random(2)
     for w in range(2):
         whole[w] = np.floor(phase[w])
     filtered = np.zeros(2)
@@ -143,7 +142,7 @@ def simulate(
         asked = abs(effort[ms, 0]) + abs(effort[ms, 1])
         if tripped > 0:
             tripped -= 1
-        elif asked > p.brownout_effort and np.random.random() < p.brownout_rate * 1e-3:
+        elif asked > p.brownout_effort and random.random() < p.brownout_rate * 1e-3:
             tripped = p.brownout_ms
         for w in range(2):
             source = ms - p.delay_ms
@@ -197,9 +196,9 @@ def simulate(
                 pushed -= 1
                 outer[0] += push_sign * p.push
                 outer[1] += push_sign * p.push
-            elif np.random.random() < 1.0 / p.push_every_ms:
+            elif random.random() < 1.0 / p.push_every_ms:
                 pushed = 120
-                push_sign = 1.0 if np.random.random() < 0.5 else -1.0
+                push_sign = 1.0 if random.random() < 0.5 else -1.0
 
         for _ in range(STEPS_PER_MS):
             drawn_now = 0.0
@@ -208,9 +207,7 @@ def simulate(
                 apart = speed2[0] - speed2[1]
                 rate = scrub_stiffness / p.scrub * abs(apart)
                 updated = (scrub_deflection + h * apart) / (1.0 + h * rate)
-                scrub_torque = (
-                    scrub_stiffness * updated + scrub_damping * (updated - scrub_deflection) / h
-                )
+                scrub_torque = scrub_stiffness * updated + scrub_damping * (updated - scrub_deflection) / h
                 scrub_deflection = updated
             for w in range(2):
                 k = p.torque_constant[w]
@@ -248,8 +245,7 @@ def simulate(
                         1.0 + h * bristle_stiffness[w] * abs(speed1[w]) / level
                     )
                     torque -= (
-                        bristle_stiffness[w] * updated
-                        + bristle_damping[w] * (updated - deflection[w]) / h
+                        bristle_stiffness[w] * updated + bristle_damping[w] * (updated - deflection[w]) / h
                     )
                     deflection[w] = updated
                 torque1[w] = torque
@@ -347,7 +343,7 @@ def simulate(
             if loss > 0.0:
                 kept = 0.0
                 for _ in range(int(abs(step))):
-                    if np.random.random() >= loss:
+                    if random.random() >= loss:
                         kept += 1.0
                 kept = kept if step > 0 else -kept
                 lost_whole[w] += step - kept

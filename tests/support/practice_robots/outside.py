@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-
 from support.practice_robots.effects import Draw, Hidden, Shape, geared
 from support.practice_robots.physics import Physics, stall_torque
 

@@ -63,8 +63,10 @@ def _reversals(rng: Generator) -> Array:
 def _full_reversals(rng: Generator) -> Array:
     top = float(rng.uniform(0.85, 1.0))
     return _run(
-        [_hold(2.0, top), _hold(2.0, -top), _hold(1.5, top), _hold(1.5, -top), _hold(1.0, 0)]
-        + [_hold(1.5, 0.7), _hold(1.5, -0.7), _hold(1.0, 0.7), _hold(1.2, 0)]
+        [
+            *(_hold(2.0, top), _hold(2.0, -top), _hold(1.5, top), _hold(1.5, -top), _hold(1.0, 0)),
+            *(_hold(1.5, 0.7), _hold(1.5, -0.7), _hold(1.0, 0.7), _hold(1.2, 0)),
+        ]
     )
 
 
@@ -117,8 +119,10 @@ def _creep(rng: Generator) -> Array:
 def _one_wheel(rng: Generator) -> Array:
     u = float(rng.uniform(0.3, 0.6))
     return _run(
-        [_hold(1.8, u, 0), _hold(0.8, 0), _hold(1.8, 0, u), _hold(0.8, 0), _hold(1.8, u), _hold(0.8, 0)]
-        + [_hold(1.2, -u, 0), _hold(1.2, 0, -u), _hold(1.4, -u), _hold(0.8, 0)]
+        [
+            *(_hold(1.8, u, 0), _hold(0.8, 0), _hold(1.8, 0, u), _hold(0.8, 0), _hold(1.8, u), _hold(0.8, 0)),
+            *(_hold(1.2, -u, 0), _hold(1.2, 0, -u), _hold(1.4, -u), _hold(0.8, 0)),
+        ]
     )
 
 
@@ -178,7 +182,17 @@ def _drive_about(rng: Generator) -> Array:
 
 
 def draw_plan(kind: PlanKind, rng: Generator) -> list[Array]:
-    """The runs of one set, each (ms, 2)."""
+    """The runs of one set, each (ms, 2). Edges mostly fall on the log's grid of 50 ms."""
+    late = int(rng.integers(1, 50)) if rng.random() < 0.25 else 0
+    return [_late(run, late) for run in _plan(kind, rng)]
+
+
+def _late(run: Array, ms: int) -> Array:
+    """The same, so many milliseconds later: edges fall inside log rows."""
+    return np.vstack([np.zeros((ms, 2)), run[: len(run) - ms]]) if ms else run
+
+
+def _plan(kind: PlanKind, rng: Generator) -> list[Array]:
     if kind == "ordinary":
         return [_drive_about(rng) for _ in range(int(rng.integers(8, 14)))]
     state = rng.bit_generator.state

@@ -18,7 +18,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Layout:
-    """A plan laid end to end: `effort` (n, 2) per ms, marks of run starts and row ends, row efforts (rows, 2)."""
+    """A plan laid end to end: `effort` (n, 2) per ms, run starts, row ends, row efforts (rows, 2)."""
 
     effort: Array
     start: NDArray[np.bool_]
@@ -96,7 +96,8 @@ def drive(
     seed: int,
 ) -> Drive:
     """Simulate the set. Quantisation and random losses only where `quantised`."""
-    rows = kernel.simulate(physics, layout.effort, torque, layout.start, layout.row, quantised, seed)
+    random = np.random.default_rng(seed)
+    rows = kernel.simulate(physics, layout.effort, torque, layout.start, layout.row, quantised, random)
     factor = physics.counts_per_rev / nominal_counts
     starts = np.flatnonzero(np.r_[True, np.diff(layout.row_run) > 0])
 

@@ -131,9 +131,10 @@ def find_size(
     below, above = 0.0, 1.0
     at_below, at_above = 0.0, np.inf
     size = 0.15
-    for _ in range(12):
+    for trying in range(12):
         got = strength_of(size)
-        if abs(np.log(max(got, 1e-9) / target)) < 0.08 and low <= got <= high:
+        close = 0.08 if trying < 4 else 0.5  # a threshold that only a few peaks reach grows in jumps
+        if abs(np.log(max(got, 1e-9) / target)) < close and low <= got <= high:
             return size, got
         if got < target:
             if size >= 1.0:

@@ -73,6 +73,7 @@ class Answer:
     signals: str
     truth: bool
     gyro: bool
+    rate_hz: float
     counts_per_rev: float
     gain_mps: tuple[float, float]
     time_constant_s: tuple[float, float]
@@ -205,6 +206,7 @@ def _attempt(
         signals=signals,
         truth=log.truth,
         gyro=log.gyro,
+        rate_hz=rate_hz,
         counts_per_rev=bench.nominal_counts,
         gain_mps=tuple(float(v) for v in machine.gain),  # type: ignore[arg-type]
         time_constant_s=tuple(float(v) for v in machine.time_constant),  # type: ignore[arg-type]
@@ -235,9 +237,7 @@ def _sized(
     return find_size(strength_of, target, low, high)
 
 
-def _parameters(
-    bench: Bench, hidden: Hidden, robot: Physics, size: float, shape: Shape
-) -> dict[str, float]:
+def _parameters(bench: Bench, hidden: Hidden, robot: Physics, size: float, shape: Shape) -> dict[str, float]:
     values = hidden.parameters(robot, size, shape)
     if hidden.name in ("supply_sag", "winding_heating"):
         rows = bench.clean(robot).rows

@@ -12,7 +12,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from support.practice_robots.draws import Signals
-from support.practice_robots.kernel import HEADING, SUPPLY, X, YAW_RATE
+from support.practice_robots.kernel import HEADING, SUPPLY, YAW_RATE, X
 from support.practice_robots.recorder import Drive
 from support.practice_robots.strength import Bench, add_pose_noise, dead_reckoning
 
