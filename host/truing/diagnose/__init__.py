@@ -1,0 +1,1 @@
+"""The diagnosis: where a simulation differs from recordings, and which physics it leaves out."""

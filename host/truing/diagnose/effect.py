@@ -1,0 +1,142 @@
+"""What an effect of the catalogue is: its words, its parameters, and how it joins the simulation.
+
+One file in `effects/` holds one effect: a docstring with equation and source, one `EFFECT = Effect(...)`,
+and hooks. A hook is a plain function named after a stage of the simulation (`simulation/stages.py` lists
+the stages and says what each may ask for). Its arguments are found by name:
+
+- the name of one of the effect's parameters gives that parameter's value;
+- `own` gives `left` or `right`, whichever wheel is being simulated; `own_X` gives `X_left` or `X_right`;
+- every other name is something the stage offers (`speed`, `command`, `wheel`, ...).
+
+Hooks are compiled by numba: arithmetic and `math` only. An effect that is off costs one test of a bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+from truing.diagnose.data import SetData
+
+Domain = Literal["wheel", "pose", "both"]
+Need = Literal["pose", "heading", "geometry", "angle", "vel", "equal_wheels"]
+Scale = Literal["one", "speed", "per_speed_squared", "duration", "time_constant"]
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One number of an effect.
+
+    Attributes
+    ----------
+    name : as in the contract where it is the same number; amplitudes are fitted as sine and cosine.
+    unit : of the value; "1" for ratios and fractions.
+    lower, upper : bounds.
+    off : where the effect vanishes.
+    starts : values of moderate strength to start a search from, the weak one first.
+    wheel : the wheel whose speed alone it moves, or None.
+    scale : what a search's number (and lower, upper, off, starts) is a multiple of: one, the robot's
+        full-effort speed (m/s), one over its square, the length of the set (s) or the time constant (s).
+        Robots differ by a factor of fifty; hooks, `report` and `from_baseline` see the plain unit.
+    log : positive, and better searched in its logarithm.
+    nuisance : fitted or scanned, but no parameter of the contract.
+    scan : the error is not smooth in it: take `starts` as a grid.
+    fixed : it stays at the best value of that grid.
+    """
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+    off: float
+    starts: tuple[float, ...]
+    wheel: Literal["left", "right"] | None = None
+    scale: Scale = "one"
+    log: bool = False
+    nuisance: bool = False
+    scan: bool = False
+    fixed: bool = False
+
+
+def identity(values: Mapping[str, float]) -> dict[str, float]:
+    """The numbers as they stand."""
+    return dict(values)
+
+
+def always(data: SetData) -> float:
+    """Any recording shows it."""
+    return 1.0 if len(data) else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """One entry of the catalogue.
+
+    Attributes
+    ----------
+    name : the contract's.
+    title : plain words for a user.
+    equation : one line, in effort units unless it says otherwise.
+    source : where the equation comes from.
+    looks_like : what it looks like in recordings.
+    separated_by : the effects it is mistaken for, each with the run that tells them apart.
+    parameters : in the order of the contract.
+    domain : seen in the wheels' speeds, in the pose, or in both.
+    needs : what the recordings or the baseline must hold before it can be judged at all:
+        "pose" (truth or gyro), "heading", "geometry" (wheelbase), "angle" (wheel radius), "vel" (the
+        judged speed is the recorder's own), "equal_wheels" (the baseline has both wheels equal).
+    report : internal numbers to the contract's. It gets the effect's parameters by name and also
+        gain_left, tau_left, gain_right, tau_right.
+    from_baseline : the numbers of an `[effect.NAME]` table to internal ones.
+    exercised : 0 where these recordings could not show it, above 0 weakly, 1 or more fully.
+    step_s : the largest substep that solves it accurately; infinite where any step is exact.
+    units : units of reported parameters that are no parameter of the same name here.
+    couples : it lets one wheel move the other, so that the wheels cannot be perturbed in one rollout.
+    units : of contract parameters that `report` makes.
+    extends : the simpler effect that this one contains as a special case; it is named only where it is needed.
+    """
+
+    name: str
+    title: str
+    equation: str
+    source: str
+    looks_like: str
+    separated_by: Mapping[str, str]
+    parameters: tuple[Parameter, ...]
+    domain: Domain = "wheel"
+    needs: tuple[Need, ...] = ()
+    report: Callable[[Mapping[str, float]], dict[str, float]] = identity
+    from_baseline: Callable[[Mapping[str, float]], dict[str, float]] = identity
+    exercised: Callable[[SetData], float] = always
+    step_s: float = float("inf")
+    couples: bool = False
+    units: Mapping[str, str] = field(default_factory=dict)
+    extends: str = ""
+
+    def parameter(self, name: str) -> Parameter:
+        """A parameter by its name."""
+        return next(item for item in self.parameters if item.name == name)
+
+    def reported(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The contract's parameters for internal `values` (with the baseline's four numbers among them)."""
+        if self.report is not identity:
+            return self.report(values)
+        return {item.name: values[item.name] for item in self.parameters if not item.nuisance}
+
+
+def per_wheel(
+    stem: str,
+    unit: str,
+    lower: float,
+    upper: float,
+    off: float,
+    starts: tuple[float, ...],
+    scale: Scale = "one",
+) -> tuple[Parameter, Parameter]:
+    """The same parameter for the left and the right wheel; an empty stem names them left and right."""
+    prefix = f"{stem}_" if stem else ""
+    return (
+        Parameter(f"{prefix}left", unit, lower, upper, off, starts, "left", scale),
+        Parameter(f"{prefix}right", unit, lower, upper, off, starts, "right", scale),
+    )

@@ -1,0 +1,1 @@
+"""One file per effect of the catalogue; a file put here is part of it."""

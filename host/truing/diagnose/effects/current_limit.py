@@ -1,0 +1,51 @@
+"""The driver limits the motor's current, so that torque saturates.
+
+    T dv/dt = g (clip(u - v / g, ±limit)) while clipped, the baseline otherwise
+
+The motor's torque is u - v / g of its stall torque (the linear torque-speed line of a permanent-magnet motor,
+Hughes and Drury, Electric Motors and Drives, section 3.4); a chopper drive clips it.
+
+In data: accelerations never exceed limit g / T: a large step rises along a straight line before it turns into
+the exponential; small steps and steady speeds are right. A reversal at full effort asks for up to twice the
+stall torque and shows the limit first.
+
+Easily taken for: hardly anything when it acts, since nothing else caps acceleration (wheel slip does so for the
+robot, not for the wheel); and not exercised by ordinary driving. A full-effort reversal settles it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from truing.diagnose import exercise
+from truing.diagnose.data import SetData
+from truing.diagnose.effect import Effect, Parameter
+
+
+def torque_limit(limit: float) -> float:
+    """Largest torque, as a share of stall torque."""
+    return limit
+
+
+def _exercised(data: SetData) -> float:
+    asked = np.zeros_like(data.effort)
+    asked[1:] = np.abs(data.effort[1:] - exercise.relative_speed(data)[:-1])
+    asked[data.first] = 0.0
+    return float(asked.max() / 0.8) if len(asked) else 0.0
+
+
+EFFECT = Effect(
+    name="current_limit",
+    title="a current limit in the driver",
+    equation="motor torque u - v / g is clipped at ±limit",
+    source="Hughes and Drury, Electric Motors and Drives, section 3.4",
+    looks_like="large steps rise along a straight line; small steps and steady speeds are right",
+    separated_by={
+        "supply_sag": "a full-effort reversal of one wheel alone",
+        "wheel_slip": "a full-effort reversal with an outside pose",
+        "driver_lag": "steps of several heights: a lag scales with the step, a limit does not",
+    },
+    parameters=(Parameter("limit", "1", 0.05, 2.0, 2.0, (0.6, 0.4, 0.25), scan=True),),
+    exercised=_exercised,
+    step_s=0.01,
+)

@@ -1,0 +1,377 @@
+"""Free-run simulation of a whole recording set: a vector of numbers in, reported speeds and poses out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from truing.baseline import Baseline
+from truing.diagnose.catalogue import CATALOGUE, Catalogue
+from truing.diagnose.data import BoolArray, FloatArray, IntArray, SetData
+from truing.diagnose.effect import Parameter, Scale
+from truing.diagnose.simulation.assemble import BASELINE_PARAMETERS, kernel_of, parameter_offsets
+from truing.errors import TruingError
+
+# Derivatives: a step of this share of the parameter's own size (or of its weak start).
+DERIVATIVE_SHARE = 1e-4
+# No substep is longer than this share of the baseline's smaller time constant, where substeps matter.
+STEP_SHARE = 0.1
+LEAST_STEP_S = 5e-4
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where each number stands in the simulator's vector.
+
+    Attributes
+    ----------
+    names : "gain_left", "tau_left", "gain_right", "tau_right", then "<effect>.<parameter>".
+    lower, upper : shape (p,), bounds of the vector's numbers (multiples of `scale`).
+    scale : shape (p,), plain unit per number of the vector.
+    """
+
+    names: tuple[str, ...]
+    lower: FloatArray
+    upper: FloatArray
+    scale: FloatArray
+    wheel: tuple[str | None, ...]
+    owner: tuple[str, ...]
+    _index: dict[str, int]
+
+    def index(self, name: str) -> int:
+        """Place of a number by its name."""
+        return self._index[name]
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+
+class SetSimulator:
+    """Simulates every run of a set from its efforts alone.
+
+    The vector `theta` holds the baseline's four numbers in m/s and s, then every effect's parameters as
+    multiples of their scale (`Parameter.scale`); `report` turns them into the contract's.
+
+    Parameters
+    ----------
+    data : the recordings.
+    baseline : what the user's simulation knows; the data's own where None.
+    catalogue : the effects to compile in.
+    """
+
+    def __init__(
+        self,
+        data: SetData,
+        baseline: Baseline | None = None,
+        catalogue: Catalogue = CATALOGUE,
+        step_factor: float = 1.0,
+    ) -> None:
+        self.data = data
+        self.baseline = data.baseline if baseline is None else baseline
+        self.catalogue = catalogue
+        self.step_factor = step_factor
+        self._chosen = np.arange(data.segments, dtype=np.int64)
+        self._rows = np.arange(len(data))
+        self._kernel = kernel_of(catalogue)
+        self._offsets = parameter_offsets(catalogue)
+        self._prepare()
+        self.layout = self._make_layout()
+        self._check_baseline_effects()
+
+    @property
+    def tied(self) -> bool:
+        """Whether the baseline has both wheels equal, so that a refit keeps them equal."""
+        return self.baseline.left == self.baseline.right
+
+    @property
+    def baseline_effects(self) -> tuple[str, ...]:
+        """Effects that the user's simulation already contains."""
+        return tuple(name for name in self.catalogue.names if name in self.baseline.effects)
+
+    def start(self) -> FloatArray:
+        """The baseline's own numbers, every other effect off, shape (p,)."""
+        theta = np.zeros(len(self.layout))
+        left, right = self.baseline.left, self.baseline.right
+        theta[:4] = left.gain_mps, left.time_constant_s, right.gain_mps, right.time_constant_s
+        for name, effect in self.catalogue.items():
+            offset = self._offsets[name]
+            for k, item in enumerate(effect.parameters):
+                theta[offset + k] = item.off
+            if name in self.baseline.effects:
+                given = {key: float(value) for key, value in self.baseline.effects[name].items()}
+                numbers = dict(zip(self.layout.names[:4], theta[:4].tolist(), strict=True))
+                for key, value in effect.from_baseline(given | numbers).items():
+                    if key not in numbers:
+                        index = self.layout.index(f"{name}.{key}")
+                        theta[index] = value / self.layout.scale[index]
+        return theta
+
+    def enabled(self, effects: Iterable[str]) -> BoolArray:
+        """A mask of the catalogue's effects, shape (effects,); the baseline's own are always on."""
+        wanted = {*effects, *self.baseline_effects}
+        unknown = wanted - set(self.catalogue)
+        if unknown:
+            raise TruingError(f"no effect is called {min(unknown)!r}")
+        return np.array([name in wanted for name in self.catalogue.names], dtype=bool)
+
+    def report(self, effect: str, theta: FloatArray) -> dict[str, float]:
+        """The contract's parameters of one effect, in their units."""
+        plain = theta * self.layout.scale
+        offset = self._offsets[effect]
+        values = {item.name: float(plain[offset + k]) for k, item in enumerate(self.catalogue[effect].parameters)}
+        values |= {name: float(plain[k]) for k, name in enumerate(self.layout.names[:4])}
+        return self.catalogue[effect].reported(values)
+
+    def units(self, effect: str) -> dict[str, str]:
+        """Units of what `report` gives."""
+        entry = self.catalogue[effect]
+        own = {item.name: item.unit for item in entry.parameters} | dict(entry.units)
+        return {name: own[name] for name in self.report(effect, self.start())}
+
+    def speeds(self, theta: FloatArray, on: BoolArray) -> FloatArray:
+        """Reported speeds, shape (n, 2), m/s; rows of a segment's start hold its initial speed."""
+        out, _ = self._simulate(theta, on)
+        return out[self._rows]
+
+    def currents(self, theta: FloatArray, on: BoolArray) -> tuple[FloatArray, FloatArray]:
+        """Mean squared motor current of each wheel (n, 2) and battery current (n,), of stall current."""
+        p, active, step_s = self._pack(theta, on)
+        scratch = self._new_scratch()
+        slow_bits = self._mask("slow")
+        self._run(p, active, step_s, scratch, self._all, track=slow_bits)
+        return scratch["heat"][self._rows], scratch["draw"][self._rows]
+
+    def jacobian(self, theta: FloatArray, on: BoolArray, free: Sequence[int]) -> FloatArray:
+        """Derivatives of the speeds, shape (n, 2, len(free)), by differences.
+
+        While no effect lets one wheel move the other, a parameter of the left wheel and its twin of the
+        right one are moved in one simulation.
+        """
+        base = self.speeds(theta, on)
+        out = np.zeros((*base.shape, len(free)))
+        coupled = any(
+            self.catalogue[name].couples for name, use in zip(self.catalogue.names, on, strict=True) if use
+        )
+        waiting = dict(enumerate(free))
+        while waiting:
+            column, index = next(iter(waiting.items()))
+            del waiting[column]
+            together = [(column, index)]
+            side = self.layout.wheel[index]
+            if side is not None and not coupled:
+                for other, place in waiting.items():
+                    if self.layout.wheel[place] not in (None, side):
+                        together.append((other, place))
+                        del waiting[other]
+                        break
+            moved = theta.copy()
+            steps = [self.derivative_step(theta, place) for _, place in together]
+            for (_, place), size in zip(together, steps, strict=True):
+                moved[place] += size
+            change = self.speeds(moved, on) - base
+            for (which, place), size in zip(together, steps, strict=True):
+                if len(together) == 1:
+                    out[:, :, which] = change / size
+                else:
+                    wheel = 0 if self.layout.wheel[place] == "left" else 1
+                    out[:, wheel, which] = change[:, wheel] / size
+        return out
+
+    def derivative_step(self, theta: FloatArray, index: int) -> float:
+        """A step for differences that stays within the bounds."""
+        size = DERIVATIVE_SHARE * max(abs(float(theta[index])), self._typical[index])
+        return -size if theta[index] + size > self.layout.upper[index] else size
+
+    def select(self, runs: Sequence[int]) -> SetSimulator:
+        """A simulator that gives the rows of these runs only.
+
+        Effects whose state lives over the whole set (charge, heat) still see every run before: only
+        their first pass runs over all of them.
+        """
+        chosen = SetSimulator.__new__(SetSimulator)
+        chosen.__dict__.update(self.__dict__)
+        keep = np.isin(self.data.run_of_segment, np.asarray(list(runs), dtype=np.int64))
+        chosen._chosen = np.flatnonzero(keep).astype(np.int64)
+        chosen._rows = np.flatnonzero(np.isin(self.data.run_of_row, np.asarray(list(runs), dtype=np.int64)))
+        chosen._scratch = chosen._new_scratch()
+        return chosen
+
+    @property
+    def rows(self) -> IntArray:
+        """Rows of the set that the results belong to."""
+        return self._rows
+
+    def _make_layout(self) -> Layout:
+        names = ["gain_left", "tau_left", "gain_right", "tau_right"]
+        both = (self.baseline.left, self.baseline.right)
+        start = [value for wheel in both for value in (wheel.gain_mps, wheel.time_constant_s)]
+        lower = [0.02 * value for value in start]
+        upper = [20.0 * value for value in start]
+        scale = [1.0] * BASELINE_PARAMETERS
+        wheel: list[str | None] = ["left", "left", "right", "right"]
+        owner = [""] * BASELINE_PARAMETERS
+        typical = list(start)
+        for name, effect in self.catalogue.items():
+            for item in effect.parameters:
+                names.append(f"{name}.{item.name}")
+                lower.append(item.lower)
+                upper.append(item.upper)
+                scale.append(self._scale(item))
+                wheel.append(item.wheel)
+                owner.append(name)
+                typical.append(_typical(item))
+        self._typical = np.array(typical)
+        return Layout(
+            tuple(names),
+            np.array(lower),
+            np.array(upper),
+            np.array(scale),
+            tuple(wheel),
+            tuple(owner),
+            {name: index for index, name in enumerate(names)},
+        )
+
+    def _scale(self, item: Parameter) -> float:
+        left, right = self.baseline.left, self.baseline.right
+        top = max(left.gain_mps, right.gain_mps)
+        values: dict[Scale, float] = {
+            "one": 1.0,
+            "speed": top,
+            "per_speed_squared": 1.0 / top**2,
+            "duration": max(self.data.duration_s, 1e-9),
+            "time_constant": 0.5 * (left.time_constant_s + right.time_constant_s),
+        }
+        return values[item.scale]
+
+    def _prepare(self) -> None:
+        """Everything that the kernel reads and that does not depend on the numbers."""
+        data = self.data
+        count = max(len(pieces.end_s) for pieces in data.pieces)
+        self._piece_end = np.full((2, count), math.inf)
+        self._piece_effort = np.zeros((2, count))
+        for w, pieces in enumerate(data.pieces):
+            self._piece_end[w, : len(pieces.end_s)] = pieces.end_s
+            self._piece_effort[w, : len(pieces.end_s)] = pieces.effort
+        self._first_piece = np.stack([pieces.starts for pieces in data.pieces]).astype(np.int64)
+        known = data.angle_rad is not None
+        self._angles = data.angle_rad if data.angle_rad is not None else np.zeros((len(data), 2))
+        self._angle_rates = _rates(self._angles, data) if known else np.zeros((len(data), 2))
+        self._heading = np.zeros(len(data)) if data.heading_rad is None else data.heading_rad
+        self._radius = data.wheel_radius_m or 1.0
+        self._top = np.array([self.baseline.left.gain_mps, self.baseline.right.gain_mps])
+        self._all = np.arange(data.segments, dtype=np.int64)
+        self._smallest_tau = min(self.baseline.left.time_constant_s, self.baseline.right.time_constant_s)
+        self._scratch = self._new_scratch()
+
+    def _new_scratch(self) -> dict[str, FloatArray]:
+        n = len(self.data)
+        slots = int(self._kernel.stage.SLOW_SLOTS)
+        return {
+            "out": np.zeros((n, 2)),
+            "lost": np.zeros((n, 2)),
+            "heat": np.zeros((n, 2)),
+            "draw": np.zeros(n),
+            "slows": np.zeros((slots, n, 2)),
+        }
+
+    def _check_baseline_effects(self) -> None:
+        for name, table in self.baseline.effects.items():
+            if name not in self.catalogue:
+                raise TruingError(f"{self.baseline.path}: [effect.{name}] is no effect of the catalogue")
+            for key, value in table.items():
+                if isinstance(value, bool) or not isinstance(value, (int, float)):
+                    raise TruingError(f"{self.baseline.path}: [effect.{name}] {key} must be a number")
+
+    def _mask(self, hook: str) -> int:
+        return int(getattr(self._kernel.stage, f"USES_{hook.upper()}"))
+
+    def _pack(self, theta: FloatArray, on: BoolArray) -> tuple[FloatArray, int, float]:
+        p = np.ascontiguousarray(theta * self.layout.scale)
+        active = 0
+        step_s = math.inf
+        for bit, (use, effect) in enumerate(zip(on, self.catalogue.values(), strict=True)):
+            if use:
+                active |= 1 << bit
+                step_s = min(step_s, effect.step_s)
+        if step_s < math.inf:
+            step_s = max(min(step_s, STEP_SHARE * self._smallest_tau), LEAST_STEP_S) * self.step_factor
+        return p, active, step_s
+
+    def _simulate(self, theta: FloatArray, on: BoolArray) -> tuple[FloatArray, FloatArray]:
+        p, active, step_s = self._pack(theta, on)
+        scratch = self._scratch
+        slow_bits = active & self._mask("slow")
+        if slow_bits:
+            # First pass without the slow effects: their states follow from its currents.
+            scratch["slows"][:] = 0.0
+            self._run(p, active & ~slow_bits, step_s, scratch, self._all, track=self._mask("slow"))
+            self._kernel.slow(
+                p, active, self.data.dt_s, scratch["heat"], scratch["draw"], self.data.elapsed_s, scratch["slows"]
+            )
+        self._run(p, active, step_s, scratch, self._chosen)
+        return scratch["out"], scratch["lost"]
+
+    def _run(
+        self,
+        p: FloatArray,
+        active: int,
+        step_s: float,
+        scratch: dict[str, FloatArray],
+        chosen: IntArray,
+        track: int = 0,
+    ) -> None:
+        data = self.data
+        self._kernel.rollout(
+            p,
+            active,
+            track != 0,
+            chosen,
+            step_s,
+            data.starts,
+            self._first_piece,
+            self._piece_end,
+            self._piece_effort,
+            data.t_s,
+            data.dt_s,
+            data.elapsed_s,
+            data.interval_s,
+            data.initial_mps,
+            self._angles,
+            self._angle_rates,
+            self._heading,
+            self._radius,
+            self._top,
+            scratch["slows"],
+            scratch["out"],
+            scratch["lost"],
+            scratch["heat"],
+            scratch["draw"],
+        )
+
+    @cached_property
+    def effects(self) -> tuple[str, ...]:
+        """All effects by name, in the order of the mask."""
+        return self.catalogue.names
+
+
+def _typical(item: Parameter) -> float:
+    """The size of a parameter where it is weak: what a step for differences is measured by."""
+    sizes = [abs(value - item.off) for value in item.starts if value != item.off]
+    if sizes:
+        return min(sizes)
+    return min(item.upper - item.lower, max(abs(item.upper), abs(item.lower)))
+
+
+def _rates(angles: FloatArray, data: SetData) -> FloatArray:
+    """Measured wheel rates at the rows, shape (n, 2), rad/s: the mean of both neighbouring intervals."""
+    rates = np.zeros_like(angles)
+    for a, b in pairwise(data.starts):
+        mean = np.diff(angles[a:b], axis=0) / data.dt_s[a + 1 : b, None]
+        rates[a], rates[b - 1] = mean[0], mean[-1]
+        rates[a + 1 : b - 1] = 0.5 * (mean[1:] + mean[:-1])
+    return rates
