@@ -58,10 +58,9 @@ def headline(diagnosis: Diagnosis) -> str:
     if verdict == "parameters_only":
         return "Your numbers are off, your physics is complete."
     if verdict == "missing_physics":
-        titles = [effect_title(effect.name) for effect in diagnosis.effects]
-        verb = "is" if len(titles) == 1 else "are"
+        titles = joined([effect_title(effect.name) for effect in diagnosis.effects])
         where = _wheel_words(diagnosis.effects[0].scope) if len(diagnosis.effects) == 1 else ""
-        return f"{capital(joined(titles))} {verb} missing{where}{_sure(diagnosis.confidence)}."
+        return f"Missing from the simulation{where}: {titles}{_sure(diagnosis.confidence)}."
     if verdict == "ambiguous":
         options = [" with ".join(map(effect_title, names)) for names in alternatives(diagnosis)]
         return f"Something is missing, and these recordings cannot tell which: {joined(options, 'or')}."
@@ -296,11 +295,11 @@ def _shown_unit(parameter: EffectParameter) -> tuple[str, float]:
 
 
 def _digits(width: float, value: float) -> int:
-    """Decimals that show the interval's width in two digits, within reason."""
-    size = width if math.isfinite(width) and width > 0.0 else 0.01 * abs(value)
+    """Decimals that show half the interval's width, within reason."""
+    size = 0.5 * width if math.isfinite(width) and width > 0.0 else 0.01 * abs(value)
     if size <= 0.0 or not math.isfinite(size):
         return 3
-    return max(0, min(6, 1 - math.floor(math.log10(size))))
+    return max(0, min(6, -math.floor(math.log10(size))))
 
 
 def _fixed(value: float, digits: int) -> str:
