@@ -79,6 +79,7 @@ static const struct bound bounds[] = {
     ONE(payload.at_s, 0.0, 1e9),
     TWO(disturbance.torque_nm, 0.0, 100.0),
     ONE(disturbance.correlation_s, 0.0, 1000.0),
+    ONE(disturbance.resting_mps, 0.0, 10.0),
 };
 
 static _Thread_local char problem[160];

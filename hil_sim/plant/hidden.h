@@ -108,6 +108,8 @@ struct plant_hidden_payload {
 struct plant_hidden_disturbance {
     double torque_nm[PLANT_WHEELS]; /* its RMS; 0: none */
     double correlation_s;
+    double
+        resting_mps; /* rim speed at which half of it acts: the floor does not shake who stands; 0: always */
 };
 
 struct plant_hidden {

@@ -339,9 +339,11 @@ void hidden_step(struct plant *plant)
         const double motor_mps = elastic ? hidden->side[i].motor_mps : rim;
         motion.motor_n[i] = motor_force_n(plant, i, motor_mps, supply_v, &drawn_as);
         if (params->disturbance.torque_nm[i] > 0.0) {
-            motion.motor_n[i] +=
-                disturbance_nm(&hidden->disturbance, &params->disturbance, i, plant->seed, plant->steps) /
-                wheel[i].radius_m;
+            const double resting = params->disturbance.resting_mps;
+            const double share = resting > 0.0 ? fabs(rim) / (fabs(rim) + resting) : 1.0;
+            const double torque_nm =
+                disturbance_nm(&hidden->disturbance, &params->disturbance, i, plant->seed, plant->steps);
+            motion.motor_n[i] += share * torque_nm / wheel[i].radius_m;
         }
     }
     battery_step(&plant->battery, drawn_as);

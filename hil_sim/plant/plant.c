@@ -101,6 +101,16 @@ void plant_turn_wheel(struct plant *plant, int wheel, double angle_rad)
     }
 }
 
+void plant_place(struct plant *plant, double x_m, double y_m, double theta_rad)
+{
+    struct chassis *chassis = &plant->chassis;
+    chassis->x_m = x_m;
+    chassis->y_m = y_m;
+    chassis->theta_rad = theta_rad;
+    chassis->cos_theta = cos(theta_rad);
+    chassis->sin_theta = sin(theta_rad);
+}
+
 double plant_dry_impulse(const struct plant_wheel_params *wheel, double rim_speed, double hold_nm)
 {
     const double torque = friction_limit_nm(&wheel->friction, rim_speed / wheel->radius_m) + hold_nm;

@@ -121,6 +121,10 @@ void plant_hold_wheel(struct plant *plant, int wheel, double torque_nm);
 
 /* Turns a lifted wheel by hand; the robot stays where it is. */
 void plant_turn_wheel(struct plant *plant, int wheel, double angle_rad);
+
+/* Lifts the robot and puts it down elsewhere; its wheels and all else stay as they are. */
+void plant_place(struct plant *plant, double x_m, double y_m, double theta_rad);
+
 /* The same sensor as the wheel passed this share (0..1) of the last step, taken to be of even speed. */
 int64_t plant_encoder_within(const struct plant *plant, int wheel, double share);
 

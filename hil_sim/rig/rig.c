@@ -305,6 +305,14 @@ bool rig_hide(struct rig *rig, const struct plant_hidden *hidden)
     return rig->plant != NULL && plant_hide(rig->plant, hidden);
 }
 
+void rig_place(struct rig *rig, double x_m, double y_m, double theta_rad)
+{
+    advance_plant(rig, board_time_ps(rig->board));
+    if (rig->plant != NULL) {
+        plant_place(rig->plant, x_m, y_m, theta_rad);
+    }
+}
+
 bool rig_record(struct rig *rig, struct plant_sample *out, size_t capacity, uint64_t every_steps)
 {
     advance_plant(rig, board_time_ps(rig->board));

@@ -49,6 +49,8 @@ void rig_link_baud(struct rig *rig, double baud);
 
 /* Hides effects in the robot from the present time on (plant_hide); false: bad numbers, or no robot. */
 bool rig_hide(struct rig *rig, const struct plant_hidden *hidden);
+/* Puts the robot elsewhere (plant_place). */
+void rig_place(struct rig *rig, double x_m, double y_m, double theta_rad);
 /* Writes down the robot's truth from the present time on (plant_record). */
 bool rig_record(struct rig *rig, struct plant_sample *out, size_t capacity, uint64_t every_steps);
 size_t rig_recorded(struct rig *rig);

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from hil_sim.hidden import HiddenEffects, hidden_to_native
 from hil_sim.plant import (
@@ -38,6 +41,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "plant_state": (None, [_P, _P]),
     "plant_hide": (_BOOL, [_P, _P]),
     "plant_hidden_problem": (ctypes.c_char_p, [_P]),
+    "plant_place": (None, [_P, ctypes.c_double, ctypes.c_double, ctypes.c_double]),
     "plant_record": (_BOOL, [_P, _P, _SIZE, _U64]),
     "plant_recorded": (_SIZE, [_P]),
     "plant_replay": (None, [_P, _P, _SIZE, _U64]),
@@ -157,6 +161,10 @@ class CoreRobot:
         if not self._library.plant_hide(self._plant, ctypes.byref(native)):
             raise VirtualRobotError(self._library.plant_hidden_problem(ctypes.byref(native)).decode())
 
+    def place(self, x_m: float, y_m: float, theta_rad: float) -> None:
+        """Lift the robot and put it down elsewhere."""
+        self._library.plant_place(self._plant, x_m, y_m, theta_rad)
+
     def record(self, longest_s: float, interval_s: float = 1e-3) -> None:
         """Write down the robot's truth from now on, for so long at most."""
         self._samples = np.zeros(round(longest_s / interval_s) + 2, SAMPLE)
@@ -169,26 +177,41 @@ class CoreRobot:
         return self._samples[: int(self._library.plant_recorded(self._plant))]
 
 
+DRIVE_LATE_S = 0.00065
+"""A command of one millisecond of `CoreRobot` reaches the bridges this long after the plant's millisecond."""
+
+
+@dataclass(frozen=True)
+class Placing:
+    """A robot put down somewhere, at a time since its creation."""
+
+    at_s: float
+    x_m: float
+    y_m: float
+    theta_rad: float
+
+
 def replay(
     robot: RobotParameters,
     hidden: HiddenEffects,
-    efforts: np.ndarray[Any, np.dtype[np.float64]],
+    asked: npt.NDArray[np.float64],
     seed: int = 1,
-    interval_s: float = 1e-3,
+    placings: Sequence[Placing] = (),
 ) -> Samples:
-    """Drive a robot without its controller: one pair of efforts after the other, from rest.
+    """Drive a robot without its controller, as one that was recorded every millisecond was driven.
 
     Parameters
     ----------
-    efforts : shape (n, 2), -1..1, each for one interval.
+    asked : shape (n, 2), `asked` of the samples, the first one millisecond after creation.
+    placings : in order of time.
 
     Returns
     -------
-    shape (n,), at the end of each interval.
+    shape (n,), every millisecond.
     """
     library = load_core()
-    samples = np.zeros(len(efforts), SAMPLE)
-    efforts = np.ascontiguousarray(efforts, dtype=np.float64)
+    samples = np.zeros(len(asked), SAMPLE)
+    asked = np.ascontiguousarray(asked, dtype=np.float64)
     plant = library.plant_create(ctypes.byref(to_native(robot)), seed & (2**64 - 1))
     if plant is None:
         raise VirtualRobotError(robot.problem() or "no memory")
@@ -196,8 +219,17 @@ def replay(
         native = hidden_to_native(hidden)
         if not library.plant_hide(plant, ctypes.byref(native)):
             raise VirtualRobotError(library.plant_hidden_problem(ctypes.byref(native)).decode())
-        library.plant_record(plant, samples.ctypes.data, samples.size, steps_of(interval_s))
-        library.plant_replay(plant, efforts.ctypes.data, len(efforts), steps_of(interval_s))
+        library.plant_record(plant, samples.ctypes.data, samples.size, steps_of(1e-3))
+        none = np.zeros((1, 2))
+        library.plant_replay(plant, none.ctypes.data, 1, steps_of(DRIVE_LATE_S))
+        ends = [min(round(placing.at_s * 1000), len(asked)) for placing in placings] + [len(asked)]
+        begin = 0
+        for end, placing in zip(ends, (*placings, None), strict=True):
+            part = asked[begin:end]
+            library.plant_replay(plant, part.ctypes.data, len(part), steps_of(1e-3))
+            if placing is not None:
+                library.plant_place(plant, placing.x_m, placing.y_m, placing.theta_rad)
+            begin = max(begin, end)
     finally:
         library.plant_destroy(plant)
     return samples

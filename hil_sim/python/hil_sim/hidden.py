@@ -129,6 +129,7 @@ class HiddenDisturbance:
 
     torque_nm: Pair = (0.0, 0.0)
     correlation_s: float = 0.0
+    resting_mps: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -49,6 +49,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rig_link_baud": (None, [_P, _DOUBLE]),
     "rig_truth": (None, [_P, _P]),
     "rig_hide": (_BOOL, [_P, _P]),
+    "rig_place": (None, [_P, _DOUBLE, _DOUBLE, _DOUBLE]),
     "rig_record": (_BOOL, [_P, _P, _SIZE, _U64]),
     "rig_recorded": (_SIZE, [_P]),
     "plant_hidden_problem": (ctypes.c_char_p, [_P]),

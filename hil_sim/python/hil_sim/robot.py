@@ -265,6 +265,10 @@ class VirtualRobot:
             problem = self._library.plant_hidden_problem(ctypes.byref(made))
             raise VirtualRobotError("no robot is connected" if problem is None else problem.decode())
 
+    def place(self, x_m: float, y_m: float, theta_rad: float) -> None:
+        """Lift the robot and put it down elsewhere."""
+        self._library.rig_place(self._rig, x_m, y_m, theta_rad)
+
     def record(self, longest_s: float, interval_s: float = 1e-3) -> None:
         """Write down the robot's truth from now on, for so long at most."""
         import numpy as np
