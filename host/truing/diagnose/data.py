@@ -53,7 +53,9 @@ class SetData:
     resolution_mps : one count per row; 0 where counts are not known.
     initial_mps : shape (segments, 2), m/s, speed at each segment's first row: 0 for a start at rest.
     travel_m : shape (n, 2), m, measured wheel travel since the start of the run.
-    angle_rad : shape (n, 2), measured wheel angle, or None where the wheel's radius is not known.
+    angle_rad : shape (n, 2), measured wheel angle, running on from run to run as the wheel does that
+        nobody touches in between, or None where the wheel's radius is not known.
+    origin_rad : shape (n, 2), the angle at which the row's run began, or None.
     recorded_vel_mps : shape (n, 2), the recorder's own speed column, or None.
     position_speed_mps : shape (n, 2), speed from counts or positions, or None.
     command : shape (n, 2), the command as it stands in the file, or None.
@@ -83,6 +85,7 @@ class SetData:
     initial_mps: FloatArray
     travel_m: FloatArray
     angle_rad: FloatArray | None
+    origin_rad: FloatArray | None
     recorded_vel_mps: FloatArray | None
     position_speed_mps: FloatArray | None
     command: FloatArray | None
@@ -117,7 +120,7 @@ class SetData:
     @property
     def first(self) -> BoolArray:
         """First rows of segments, shape (n,)."""
-        return ~self.judged
+        return np.asarray(~self.judged)
 
     @property
     def top_mps(self) -> float:
@@ -222,7 +225,7 @@ def set_data(recordings: RecordingSet, baseline: Baseline | None = None) -> SetD
     speed = both([(left.values, right.values) for left, right in speeds])
     travel = both([_travels(run, baseline) for run in runs])
     radius = None if baseline.robot is None else baseline.robot.wheel_radius_m
-    angle = None if radius is None else travel / radius
+    angle, origin = (None, None) if radius is None else _angles(runs, baseline, rows_of_run, radius)
     scale = baseline.metres_per_count
     positions: FloatArray | None = None
     if all(run.has_pair("ticks") for run in runs) and scale is not None:
@@ -254,6 +257,7 @@ def set_data(recordings: RecordingSet, baseline: Baseline | None = None) -> SetD
         initial_mps=_initial(speed, starts, baseline),
         travel_m=travel,
         angle_rad=angle,
+        origin_rad=origin,
         recorded_vel_mps=pair(MOTION_PAIRS["vel"]),
         position_speed_mps=None if positions is None else _speed_of(positions, starts, dt_s),
         command=pair(("cmd_left", "cmd_right")),
@@ -289,6 +293,20 @@ def _travels(run: Run, baseline: Baseline) -> tuple[FloatArray, FloatArray]:
     assert left is not None  # a run without any motion pair is refused when it is read
     assert right is not None
     return left, right
+
+
+def _angles(
+    runs: Sequence[Run], baseline: Baseline, rows: Sequence[IntArray], radius: float
+) -> tuple[FloatArray, FloatArray]:
+    """Wheel angles running on from run to run, and where each run began, both of shape (n, 2)."""
+    angles, origins = [], []
+    at = np.zeros(2)
+    for run, keep in zip(runs, rows, strict=True):
+        angle = np.stack(_travels(run, baseline), axis=1) / radius
+        angles.append(at + angle[keep])
+        origins.append(np.broadcast_to(at, (len(keep), 2)).copy())
+        at = at + angle[-1]
+    return np.ascontiguousarray(np.concatenate(angles)), np.ascontiguousarray(np.concatenate(origins))
 
 
 def _pose(runs: Sequence[Run], rows: Sequence[IntArray], names: tuple[str, str, str]) -> FloatArray:

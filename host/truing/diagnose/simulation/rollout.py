@@ -16,14 +16,22 @@ import math
 import numpy as np
 
 from truing.diagnose.data import FloatArray, IntArray
+from truing.diagnose.simulation.bodies import (
+    BODY_ROWS,
+    GROUND,
+    MOTOR,
+    SCRATCH,
+    advance_bodies,
+    start_bodies,
+)
 from truing.diagnose.simulation import stubs as stage
 from truing.diagnose.simulation.jit import cached, compiled
 
 # Rows of the state, one column per wheel.
 SPEED, TRAVEL, DUTY, HEAT, DRAW, STATE_ROWS = 0, 1, 2, 3, 4, 5
 # Rows of the work array: what holds over one substep, one column per wheel.
-AT, LEVEL, RATE, HELD, DIRECTION, TARGET, MEAN, EFFORT, PUSH, LOSS, SLOPE, START, OWN, LIMITED = range(14)
-WORK_ROWS = 14
+AT, LEVEL, RATE, HELD, DIRECTION, TARGET, MEAN, EFFORT, PUSH, LOSS, SLOPE, START, OWN, LIMITED, BRAKE = range(15)
+WORK_ROWS = 15
 
 TINY_S = 1e-10
 # A breakaway is overstepped by this much, so that the next substep finds the wheel free.
@@ -78,7 +86,7 @@ def evaluate(
         pushed = 0.0
         if active & stage.USES_PUSH:
             pushed = stage.push(
-                p, active, w, angle[0, w], angle[1, w], heading, p[2 * w + 1] / p[2 * w]
+                p, active, w, angle[0, w], angle[1, w], angle[2, w], heading, p[2 * w + 1] / p[2 * w]
             )
         k[EFFORT, w] = effort
         k[PUSH, w] = pushed
@@ -145,6 +153,7 @@ def _inertial(
     if active & stage.USES_INERTIA:
         tau *= stage.inertia(p, active, w, row, slows, s, command, elapsed)
     k[SLOPE, w] = gain / tau
+    k[BRAKE, w] = 1.0 / gain
     k[RATE, w] = 1.0 / tau
     k[LOSS, w] = stage.friction(p, active, w, abs(k[AT, w]), s) if active & stage.USES_FRICTION else 0.0
     k[LIMITED, w] = 0.0
@@ -368,6 +377,62 @@ def step(
 
 
 @compiled
+def step_bodies(
+    p: FloatArray,
+    active: int,
+    x: FloatArray,
+    k: FloatArray,
+    b: FloatArray,
+    c: FloatArray,
+    command: FloatArray,
+    h: float,
+    row: int,
+    elapsed: float,
+    slows: FloatArray,
+    angle: FloatArray,
+    heading: float,
+    radius: float,
+    states: FloatArray,
+    track: bool,
+) -> None:
+    """Advance both wheels by `h` where a gap or a sliding tyre splits them into bodies."""
+    lag = stage.lag(p, active) if active & stage.USES_LAG else 0.0
+    share = decay_integral(1.0 / lag, h) / h if lag > 0.0 else 0.0
+    for w in range(2):
+        k[AT, w] = x[SPEED, w]
+        k[START, w] = x[DUTY, w] if lag > 0.0 else k[TARGET, w]
+        k[MEAN, w] = k[TARGET, w] + (k[START, w] - k[TARGET, w]) * share
+        if lag > 0.0:
+            x[DUTY, w] = k[TARGET, w] + (x[DUTY, w] - k[TARGET, w]) * math.exp(-h / lag)
+    k[OWN, 0] = 0.0
+    k[OWN, 1] = 0.0
+    evaluate(p, active, k, command, row, elapsed, slows, angle, heading, True)
+    grip = stage.grip(p, active) if active & stage.USES_GRIP else math.inf
+    spin = stage.spin_share(p, active) if active & stage.USES_GRIP else 0.0
+    motor_share = stage.motor_share(p, active) if active & stage.USES_GAP else 0.0
+    for w in range(2):
+        gap = stage.gap(p, active, w, radius) if active & stage.USES_GAP else 0.0
+        limited = k[LIMITED, w] != 0.0
+        limit = stage.torque_limit(p, active) if limited else 0.0
+        motor = k[LIMITED, w] * limit if limited else k[EFFORT, w]
+        back_emf = 0.0 if limited else k[BRAKE, w]
+        pushed = k[PUSH, w]
+        if k[HELD, w] == 0.0:
+            pushed = k[LEVEL, w] / k[SLOPE, w] + k[DIRECTION, w] * k[LOSS, w] - motor
+        travel = advance_bodies(
+            b, c, w, h, motor, back_emf, pushed, k[LOSS, w], k[SLOPE, w], gap, motor_share, grip, spin
+        )
+        x[TRAVEL, w] += travel
+        if track:
+            current = k[EFFORT, w] - travel / (h * p[2 * w])
+            x[HEAT, w] += current * current * h
+            x[DRAW, 0] += 0.5 * k[MEAN, w] * current * h
+        if active & stage.USES_AFTER_STEP:
+            stage.after_step(p, active, w, states, h, x[SPEED, w], b[MOTOR, w])
+        x[SPEED, w] = b[MOTOR, w]
+
+
+@compiled
 def _breakaway(k: FloatArray, lag: float, w: int, h: float) -> float:
     """When a lagged effort that grows overcomes what holds the wheel at rest, s; negative if it does not."""
     scale = k[EFFORT, w] / k[MEAN, w] if k[MEAN, w] != 0.0 else 1.0
@@ -438,6 +503,7 @@ def rollout(
     initial: FloatArray,
     angles: FloatArray,
     angle_rates: FloatArray,
+    origins: FloatArray,
     heading: FloatArray,
     radius: float,
     top: FloatArray,
@@ -463,7 +529,8 @@ def rollout(
     t, dt, elapsed : shape (n,), s.
     interval : shape (segments,), s.
     initial : shape (segments, 2), m/s.
-    angles, angle_rates : shape (n, 2), rad and rad/s, measured.
+    angles, angle_rates : shape (n, 2), rad and rad/s, measured, running on from run to run.
+    origins : shape (segments, 2), rad, angle at which each segment's run began.
     heading : shape (n,), rad.
     radius : m, or 1 where it is not known.
     top : shape (2,), m/s, the baseline's full-effort speeds.
@@ -476,7 +543,7 @@ def rollout(
     k = np.zeros((WORK_ROWS, 2))
     states = np.zeros((stage.STATE_SLOTS, 2))
     before = np.zeros((stage.STATE_SLOTS, 2))
-    angle = np.zeros((2, 2))
+    angle = np.zeros((3, 2))  # measured, at the substep's two ends and at the start of the run
     command = np.zeros(2)
     ends = np.zeros(2)
     travel = np.zeros(2)
@@ -484,16 +551,21 @@ def rollout(
     late = stage.delay(p, active)
     lag = stage.lag(p, active) if active & stage.USES_LAG else 0.0
     middle = step_s < math.inf
+    split = active & (stage.USES_GAP | stage.USES_GRIP) != 0
+    b = np.zeros((BODY_ROWS, 2))
+    c = np.zeros(SCRATCH)
+    grounded = np.zeros(2)
+    known_gap = False
     for segment in chosen:
-        a, b = start[segment], start[segment + 1]
+        first, end = start[segment], start[segment + 1]
         states[:] = 0.0
         for w in range(2):
             x[SPEED, w] = initial[segment, w]
             x[TRAVEL, w] = 0.0
             states[:, w] = initial[segment, w]
-            out[a, w] = initial[segment, w]
-            lost[a, w] = 0.0
-            heat[a, w] = 0.0
+            out[first, w] = initial[segment, w]
+            lost[first, w] = 0.0
+            heat[first, w] = 0.0
             piece[w] = first_piece[w, segment]
             # What was commanded before the first row's interval is unknown: nothing, for a start at rest.
             command[w] = piece_effort[w, piece[w]] if initial[segment, w] != 0.0 else 0.0
@@ -501,14 +573,18 @@ def rollout(
                 stage.drive(p, active, w, command[w]) if active & stage.USES_DRIVE else command[w]
             )
             x[DUTY, w] = k[TARGET, w]
-        draw[a] = 0.0
-        now = t[a]
-        arrival = t[a] - interval[segment] + late
+            angle[2, w] = origins[segment, w]
+            start_bodies(b, w, initial[segment, w], known_gap)
+        known_gap = True
+        draw[first] = 0.0
+        now = t[first]
+        arrival = t[first] - interval[segment] + late
         arrived = False
         fresh = True
         edge = np.full(2, -math.inf)
-        for row in range(a + 1, b):
+        for row in range(first + 1, end):
             travel[0], travel[1] = x[TRAVEL, 0], x[TRAVEL, 1]
+            grounded[0], grounded[1] = b[GROUND, 0], b[GROUND, 1]
             before[:] = states
             x[HEAT, 0] = 0.0
             x[HEAT, 1] = 0.0
@@ -537,14 +613,14 @@ def rollout(
                                 if active & stage.USES_DRIVE
                                 else command[w]
                             )
-                        if lag > 0.0 and arrival <= t[a] and now <= t[a]:
+                        if lag > 0.0 and arrival <= t[first] and now <= t[first]:
                             # At a start in motion the lag has long followed what was commanded.
                             for w in range(2):
                                 if initial[segment, w] != 0.0:
                                     x[DUTY, w] = k[TARGET, w]
                         fresh = False
                 span = until - now
-                count = 1 if not middle else max(1, int(math.ceil(span / step_s - 1e-9)))
+                count = 1 if not middle else max(1, math.ceil(span / step_s - 1e-9))
                 size = span / count
                 for part in range(count):
                     left = size
@@ -564,9 +640,15 @@ def rollout(
                                     )
                         z = (at + 0.5 * left - t[row - 1]) / dt[row]
                         facing = heading[row - 1] + z * (heading[row] - heading[row - 1])
+                        since = elapsed[row] - t[row] + at + 0.5 * left
+                        if split:
+                            step_bodies(
+                                p, active, x, k, b, c, command, left, row, since,
+                                slows, angle, facing, radius, states, track,
+                            )  # fmt: skip
+                            break
                         done = step(
-                            p, active, x, k, command, left, middle, row,
-                            elapsed[row] - t[row] + at + 0.5 * left,
+                            p, active, x, k, command, left, middle, row, since,
                             slows, angle, facing, states, ends, track,
                         )  # fmt: skip
                         left -= done
@@ -575,13 +657,13 @@ def rollout(
                 now = until
             for w in range(2):
                 increment = x[TRAVEL, w] - travel[w]
+                lost[row, w] = increment - (b[GROUND, w] - grounded[w]) if split else 0.0
                 if active & stage.USES_MEASURE:
                     increment = stage.measure(
                         p, active, w, increment, dt[row], angles[row, w], angles[row - 1, w],
-                        radius, top[w], states, before,
+                        angle[2, w], radius, top[w], states, before,
                     )  # fmt: skip
                 out[row, w] = increment / dt[row]
-                lost[row, w] = 0.0
                 heat[row, w] = x[HEAT, w] / dt[row]
             draw[row] = x[DRAW, 0] / dt[row]
 
@@ -609,6 +691,7 @@ def ground_motion(
     dt: FloatArray,
     first: FloatArray,
     angles: FloatArray,
+    origins: FloatArray,
     radius: float,
     top: FloatArray,
     wheelbase: float,
@@ -620,6 +703,7 @@ def ground_motion(
     ----------
     travel : shape (n, 2), m, measured travel in the row's interval.
     lost : shape (n, 2), m, what slid or hid in the gap, from the simulation.
+    origins : shape (n, 2), rad, angle at which the row's run began.
     first : shape (n,), 1 at a segment's first row: no motion is known there.
     out : shape (n, 3): forward m, turn rad, lateral 0 (written).
     """
@@ -632,10 +716,34 @@ def ground_motion(
             continue
         for w in range(2):
             wheel[w] = stage.ground(
-                p, active, w, travel[row, w], dt[row], angles[row, w], angles[row - 1, w], radius, top[w]
-            )
+                p, active, w, travel[row, w], dt[row], angles[row, w], angles[row - 1, w], origins[row, w],
+                radius, top[w],
+            )  # fmt: skip
             wheel[w] -= lost[row, w]
         forward = 0.5 * (wheel[0] + wheel[1])
         turn = (wheel[1] - wheel[0]) / wheelbase
         out[row, 1] = stage.turning(p, active, turn, forward)
         out[row, 0] = stage.distance(p, active, forward)
+
+
+@cached
+def windowed_motion(motion: FloatArray, first: IntArray, last: IntArray, out: FloatArray) -> None:
+    """Displacement over windows in the body frame at each window's start.
+
+    Parameters
+    ----------
+    motion : shape (n, 3): forward m, turn rad, lateral m in the interval that ends at the row.
+    first, last : shape (m,): a window spans the intervals of rows first + 1 to last.
+    out : shape (m, 3): forward m, lateral m, turn rad (written).
+    """
+    for window in range(first.shape[0]):
+        ahead, aside, turn = 0.0, 0.0, 0.0
+        for row in range(first[window] + 1, last[window] + 1):
+            facing = turn + 0.5 * motion[row, 1]
+            cosine, sine = math.cos(facing), math.sin(facing)
+            ahead += motion[row, 0] * cosine - motion[row, 2] * sine
+            aside += motion[row, 0] * sine + motion[row, 2] * cosine
+            turn += motion[row, 1]
+        out[window, 0] = ahead
+        out[window, 1] = aside
+        out[window, 2] = turn

@@ -15,6 +15,7 @@ from truing.diagnose.catalogue import CATALOGUE, Catalogue
 from truing.diagnose.data import BoolArray, FloatArray, IntArray, SetData
 from truing.diagnose.effect import Parameter, Scale
 from truing.diagnose.simulation.assemble import BASELINE_PARAMETERS, kernel_of, parameter_offsets
+from truing.diagnose.simulation.windows import Windows, pose_windows
 from truing.errors import TruingError
 
 # Derivatives: a step of this share of the parameter's own size (or of its weak start).
@@ -62,6 +63,9 @@ class SetSimulator:
     data : the recordings.
     baseline : what the user's simulation knows; the data's own where None.
     catalogue : the effects to compile in.
+    step_factor : makes every substep shorter (or longer), to see what steps do to a result.
+    commanded : poses are predicted from the simulated wheels instead of the measured ones (what the robot
+        would do when commanded), for recordings whose encoders see the drift themselves.
     """
 
     def __init__(
@@ -70,11 +74,14 @@ class SetSimulator:
         baseline: Baseline | None = None,
         catalogue: Catalogue = CATALOGUE,
         step_factor: float = 1.0,
+        commanded: bool = False,
     ) -> None:
         self.data = data
         self.baseline = data.baseline if baseline is None else baseline
         self.catalogue = catalogue
         self.step_factor = step_factor
+        self.commanded = commanded
+        self._windows: dict[float, Windows] = {}
         self._chosen = np.arange(data.segments, dtype=np.int64)
         self._rows = np.arange(len(data))
         self._kernel = kernel_of(catalogue)
@@ -123,7 +130,8 @@ class SetSimulator:
         """The contract's parameters of one effect, in their units."""
         plain = theta * self.layout.scale
         offset = self._offsets[effect]
-        values = {item.name: float(plain[offset + k]) for k, item in enumerate(self.catalogue[effect].parameters)}
+        parameters = self.catalogue[effect].parameters
+        values = {item.name: float(plain[offset + k]) for k, item in enumerate(parameters)}
         values |= {name: float(plain[k]) for k, name in enumerate(self.layout.names[:4])}
         return self.catalogue[effect].reported(values)
 
@@ -136,7 +144,7 @@ class SetSimulator:
     def speeds(self, theta: FloatArray, on: BoolArray) -> FloatArray:
         """Reported speeds, shape (n, 2), m/s; rows of a segment's start hold its initial speed."""
         out, _ = self._simulate(theta, on)
-        return out[self._rows]
+        return np.asarray(out[self._rows])
 
     def currents(self, theta: FloatArray, on: BoolArray) -> tuple[FloatArray, FloatArray]:
         """Mean squared motor current of each wheel (n, 2) and battery current (n,), of stall current."""
@@ -145,6 +153,62 @@ class SetSimulator:
         slow_bits = self._mask("slow")
         self._run(p, active, step_s, scratch, self._all, track=slow_bits)
         return scratch["heat"][self._rows], scratch["draw"][self._rows]
+
+    def ground(self, theta: FloatArray, on: BoolArray) -> FloatArray:
+        """Body increments of every row from measured wheel travel, shape (n, 3).
+
+        Columns: forward m, turn rad (0 without a wheelbase), lateral m. A segment's first row has none.
+        The wheels are simulated only where an effect needs it (slip, backlash).
+        """
+        p, active, _ = self._pack(theta, on)
+        travel = self._measured
+        lost = self._nothing_lost
+        if self.commanded or active & (self._mask("grip") | self._mask("gap")):
+            speeds, lost = self._simulate(theta, on)
+            if self.commanded:
+                travel = speeds * self.data.dt_s[:, None]
+        out = np.zeros((len(self.data), 3))
+        self._kernel.ground_motion(
+            p,
+            active,
+            travel,
+            lost,
+            self.data.dt_s,
+            self._first_rows,
+            self._angles,
+            self._row_origins,
+            self._radius,
+            self._top,
+            self.baseline.wheelbase_m or math.inf,
+            out,
+        )
+        return out[self._rows]
+
+    def windows(self, horizon_s: float = 1.0) -> Windows:
+        """The windows that `pose_residuals` judges."""
+        if horizon_s not in self._windows:
+            self._windows[horizon_s] = pose_windows(self.data, horizon_s)
+        return self._windows[horizon_s]
+
+    def pose_residuals(self, theta: FloatArray, on: BoolArray, horizon_s: float = 1.0) -> FloatArray:
+        """Measured minus predicted displacement over each window, shape (m, 3).
+
+        Forward m and lateral m in the body frame at the window's start, and turn rad; NaN where nothing
+        measured it (a gyro measures the turn alone).
+        """
+        windows = self.windows(horizon_s)
+        predicted = np.zeros((len(windows), 3))
+        if len(self._rows) == len(self.data):
+            motion = self.ground(theta, on)
+        else:
+            motion = np.zeros((len(self.data), 3))
+            motion[self._rows] = self.ground(theta, on)
+        self._kernel.windowed_motion(motion, windows.first, windows.last, predicted)
+        return windows.measured - predicted
+
+    def pose_runs(self, windows_per_block: int = 1, horizon_s: float = 1.0) -> IntArray:
+        """Block number of each window of `pose_residuals`, shape (m,); no block spans two runs."""
+        return self.windows(horizon_s).blocks(windows_per_block)
 
     def jacobian(self, theta: FloatArray, on: BoolArray, free: Sequence[int]) -> FloatArray:
         """Derivatives of the speeds, shape (n, 2, len(free)), by differences.
@@ -184,7 +248,7 @@ class SetSimulator:
 
     def derivative_step(self, theta: FloatArray, index: int) -> float:
         """A step for differences that stays within the bounds."""
-        size = DERIVATIVE_SHARE * max(abs(float(theta[index])), self._typical[index])
+        size = DERIVATIVE_SHARE * max(abs(float(theta[index])), float(self._typical[index]))
         return -size if theta[index] + size > self.layout.upper[index] else size
 
     def select(self, runs: Sequence[int]) -> SetSimulator:
@@ -261,6 +325,14 @@ class SetSimulator:
         known = data.angle_rad is not None
         self._angles = data.angle_rad if data.angle_rad is not None else np.zeros((len(data), 2))
         self._angle_rates = _rates(self._angles, data) if known else np.zeros((len(data), 2))
+        no_origins = np.zeros((len(data), 2))
+        self._row_origins = data.origin_rad if data.origin_rad is not None else no_origins
+        self._origins = np.ascontiguousarray(self._row_origins[data.starts[:-1]])
+        self._measured = np.zeros((len(data), 2))
+        self._measured[1:] = np.diff(data.travel_m, axis=0)
+        self._measured[data.first] = 0.0
+        self._nothing_lost = np.zeros((len(data), 2))
+        self._first_rows = data.first.astype(np.float64)
         self._heading = np.zeros(len(data)) if data.heading_rad is None else data.heading_rad
         self._radius = data.wheel_radius_m or 1.0
         self._top = np.array([self.baseline.left.gain_mps, self.baseline.right.gain_mps])
@@ -311,7 +383,13 @@ class SetSimulator:
             scratch["slows"][:] = 0.0
             self._run(p, active & ~slow_bits, step_s, scratch, self._all, track=self._mask("slow"))
             self._kernel.slow(
-                p, active, self.data.dt_s, scratch["heat"], scratch["draw"], self.data.elapsed_s, scratch["slows"]
+                p,
+                active,
+                self.data.dt_s,
+                scratch["heat"],
+                scratch["draw"],
+                self.data.elapsed_s,
+                scratch["slows"],
             )
         self._run(p, active, step_s, scratch, self._chosen)
         return scratch["out"], scratch["lost"]
@@ -343,6 +421,7 @@ class SetSimulator:
             data.initial_mps,
             self._angles,
             self._angle_rates,
+            self._origins,
             self._heading,
             self._radius,
             self._top,

@@ -49,8 +49,9 @@ STAGES: dict[str, Stage] = {
     "scrub": Stage("sum", (), "effort against the wheels turning differently"),
     "push": Stage(
         "sum",
-        ("wheel", "angle_start", "angle_end", "heading", "effort_per_mps2"),
-        "effort that acts at all times; angles are measured ones (rad), at the substep's two ends",
+        ("wheel", "angle_start", "angle_end", "origin", "heading", "effort_per_mps2"),
+        "effort that acts at all times; angles are measured ones (rad) at the substep's two ends, running "
+        "on from run to run; origin is the angle at which the run began",
     ),
     "torque_limit": Stage("smallest", (), "largest motor torque, as a share of stall torque"),
     "gain": Stage(
@@ -70,18 +71,18 @@ STAGES: dict[str, Stage] = {
     "spin_share": Stage("sum", (), "share of the inertia that turns when the tyre slides"),
     "measure": Stage(
         "chain",
-        ("increment", "dt", "angle", "angle_before", "radius", "top", "state", "state_before"),
+        ("increment", "dt", "angle", "angle_before", "origin", "radius", "top", "state", "state_before"),
         "the encoder shaft's travel over a row (m) in, what the recorder reports out; top is the "
         "baseline's full-effort speed (m/s)",
     ),
     "ground": Stage(
         "chain",
-        ("increment", "dt", "angle", "angle_before", "radius", "top"),
+        ("increment", "dt", "angle", "angle_before", "origin", "radius", "top"),
         "measured wheel travel over a row (m) in, travel over the ground out",
     ),
     "distance": Stage("chain", ("forward",), "mean of the wheels' ground travel (m) in, forward motion out"),
     "turning": Stage(
-        "chain", ("turn", "forward"), "heading change over a row (rad) in, with drift or another wheelbase out"
+        "chain", ("turn", "forward"), "heading change over a row (rad) in, with what is missing from it out"
     ),
 }
 

@@ -15,7 +15,7 @@ USES_DELAY = USES_LAG = USES_DRIVE = USES_GAIN = USES_INERTIA = USES_FRICTION = 
 SLOW_SLOTS = STATE_SLOTS = 1
 
 P = FloatArray
-# ruff: noqa: ARG001, D103
+# ruff: noqa: ARG001
 
 
 def delay(p: P, active: int) -> float:
@@ -50,6 +50,7 @@ def push(
     wheel: int,
     angle_start: float,
     angle_end: float,
+    origin: float,
     heading: float,
     effort_per_mps2: float,
 ) -> float:
@@ -118,6 +119,7 @@ def measure(
     dt: float,
     angle: float,
     angle_before: float,
+    origin: float,
     radius: float,
     top: float,
     states: FloatArray,
@@ -134,6 +136,7 @@ def ground(
     dt: float,
     angle: float,
     angle_before: float,
+    origin: float,
     radius: float,
     top: float,
 ) -> float:

@@ -1,0 +1,58 @@
+"""One wheel's gain or time constant differs from the other's, where the baseline has them equal.
+
+    g_left / g_right = r_g,  T_left / T_right = r_T; the geometric means are the baseline's (refitted) numbers
+
+Manufacture scatters motor constants and gear friction by several per cent; a baseline that copies one wheel's
+numbers to the other leaves that out. The refit of such a baseline keeps its two wheels equal, and this effect
+unties them.
+
+In data: the robot pulls to one side at equal efforts; every level of one wheel is off by the same share.
+
+Easily taken for: an encoder's scale, which nothing but an outside pose can tell from a gain; dry friction of one
+side, which takes the same amount off every level instead of the same share; direction asymmetry when the wheels
+run in opposite directions. Levels of both wheels in both directions separate the last two.
+"""
+
+from __future__ import annotations
+
+import math
+
+from truing.diagnose import exercise
+from truing.diagnose.data import SetData
+from truing.diagnose.effect import Effect, Parameter
+
+
+def gain(gain_ratio: float, wheel: int) -> float:
+    """Factor on the steady speed per effort."""
+    return math.sqrt(gain_ratio) if wheel == 0 else 1.0 / math.sqrt(gain_ratio)
+
+
+def inertia(time_constant_ratio: float, wheel: int) -> float:
+    """Factor on the time constant."""
+    return math.sqrt(time_constant_ratio) if wheel == 0 else 1.0 / math.sqrt(time_constant_ratio)
+
+
+def _exercised(data: SetData) -> float:
+    moving = exercise.moving(data)
+    least = min(exercise.seconds(data, moving[:, w]) for w in (0, 1))
+    return exercise.enough(least, 4.0)
+
+
+EFFECT = Effect(
+    name="side_asymmetry",
+    title="the two sides differ",
+    equation="g_left / g_right = r_g, T_left / T_right = r_T",
+    source="Borenstein and Feng 1996, IEEE Trans. Robotics and Automation 12, on unequal drives",
+    looks_like="the robot pulls to one side at equal efforts; one wheel is off by the same share everywhere",
+    separated_by={
+        "encoder_scale": "an outside pose: a scaled encoder misreports the turn, a weak side really turns",
+        "coulomb_friction": "a staircase: friction takes the same amount off every level, a gain the same share",
+        "direction_asymmetry": "both wheels in both directions",
+    },
+    parameters=(
+        Parameter("gain_ratio", "1", 0.3, 3.0, 1.0, (1.08, 0.92), log=True),
+        Parameter("time_constant_ratio", "1", 0.2, 5.0, 1.0, (1.15, 0.87), log=True),
+    ),
+    needs=("equal_wheels",),
+    exercised=_exercised,
+)

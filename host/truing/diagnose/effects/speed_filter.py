@@ -1,0 +1,110 @@
+"""The recorded speed lags the encoder's own counts: a filter in the recorder.
+
+    L dy/dt = v - y;  the row holds the mean of y over its interval
+
+The robot is as the baseline says; the *signal* differs. Motor controllers average their speed over 50 to 200 ms
+(measured on real recordings: 60 ms on one family, 160 to 200 ms on another); a first-order lag stands for it.
+Only where the judged speed is a recorder's own column can this be: counts and positions have no filter. Where
+positions are logged as well, `direct_lag` compares the two without any model of the robot.
+
+In data: the reported speed sets off late and with a rounded corner, on the way up and down alike, also when the
+robot is pushed.
+
+Easily taken for: driver lag (the same curve) and delay; positions beside the speeds, or a hand-pushed run, tell.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from truing.diagnose import exercise
+from truing.diagnose.data import FloatArray, SetData
+from truing.diagnose.effect import Effect, Parameter
+
+
+def after_step(
+    state: float, h: float, speed_start: float, speed_end: float, time_constant: float
+) -> float:
+    """The filter's output after a substep over which the speed went along a line."""
+    if time_constant < 1e-6:
+        return speed_end
+    ramp = time_constant * (speed_end - speed_start) / h
+    return speed_end - ramp + (state - speed_start + ramp) * math.exp(-h / time_constant)
+
+
+def measure(increment: float, state: float, state_before: float, time_constant: float) -> float:
+    """The integral of the filter's output over the row."""
+    return increment - time_constant * (state - state_before)
+
+
+@dataclass(frozen=True, slots=True)
+class DirectLag:
+    """Recorded speed against differenced positions, no robot model between them.
+
+    Attributes
+    ----------
+    time_constant_s : the lag that fits best.
+    rms_mps : difference left with it; `rms_without_mps` without any lag.
+    """
+
+    time_constant_s: float
+    rms_mps: float
+    rms_without_mps: float
+
+
+def direct_lag(data: SetData) -> DirectLag | None:
+    """The recorder's lag from a set that holds both its speeds and counts or positions, else None."""
+    reported, positions = data.recorded_vel_mps, data.position_speed_mps
+    if reported is None or positions is None:
+        return None
+
+    def rms(lag: float) -> float:
+        difference = (reported - _filtered(positions, data, lag))[data.judged]
+        # Recorders repeat and reset positions: the middle of the differences counts, not the spikes.
+        return float(1.4826 * np.median(np.abs(difference[np.abs(positions[data.judged]) > 0.0])))
+
+    if not np.any(positions[data.judged]):
+        return None
+    lags = np.concatenate(([0.0], np.geomspace(0.004, 0.6, 60)))
+    sizes = [rms(float(lag)) for lag in lags]
+    best = int(np.argmin(sizes))
+    return DirectLag(float(lags[best]), sizes[best], sizes[0])
+
+
+def _filtered(speed: FloatArray, data: SetData, lag: float) -> FloatArray:
+    if lag <= 0.0:
+        return speed
+    out = np.empty_like(speed)
+    for a, b in pairwise(data.starts):
+        y = speed[a].copy()
+        out[a] = y
+        for row in range(a + 1, b):
+            after = speed[row] + (y - speed[row]) * math.exp(-data.dt_s[row] / lag)
+            out[row] = speed[row] - lag * (after - y) / data.dt_s[row]
+            y = after
+    return out
+
+
+def _exercised(data: SetData) -> float:
+    return exercise.enough(exercise.effort_steps(data), 4.0)
+
+
+EFFECT = Effect(
+    name="speed_filter",
+    title="a filter in the recorder's speed",
+    equation="L dy/dt = v - y",
+    source="measured on real drivetrain recordings: reported speed lags differenced position by 60-200 ms",
+    looks_like="reported speed sets off late with a rounded corner, up and down alike",
+    separated_by={
+        "driver_lag": "a log with counts beside the recorder's speed, or a hand-pushed run",
+        "input_delay": "a log with counts beside the recorder's speed",
+    },
+    parameters=(Parameter("time_constant", "s", 0.0, 1.0, 0.0, (0.03, 0.1)),),
+    needs=("vel",),
+    exercised=_exercised,
+    step_s=0.01,
+)
