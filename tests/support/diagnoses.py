@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from support.recorded_sets import recordings
 
+from support.recorded_sets import recordings
 from truing.diagnose.result import (
     Check,
     Diagnosis,
@@ -73,7 +73,8 @@ def traces(seed: int = 1, bump_mps: float = 0.08) -> tuple[RunTraces, ...]:
     start = 0.0
     for run in recordings(4):
         t, shape = run.t_s, (len(run), 2)
-        truth = np.stack([run.speed(side, recordings(1).baseline).values for side in ("left", "right")], axis=1)
+        speeds = [run.speed(side, recordings(1).baseline).values for side in ("left", "right")]
+        truth = np.stack(speeds, axis=1)
         measured = truth + NOISE_MPS * rng.standard_normal(shape)
         refit = truth.copy()
         if run.name.startswith("02"):
@@ -129,10 +130,13 @@ def missing_physics(**changes: object) -> Diagnosis:
         ranking=(
             RankedEffect(("coulomb_friction",), 120.0, 96.0, True, 0.012, 2),
             RankedEffect(("driver_deadband",), 110.0, 60.0, True, 0.02, 1),
-            RankedEffect(("quadratic_drag",), 3.0, float("nan"), False, note="the screen promised too little"),
+            RankedEffect(("quadratic_drag",), 3.0, float("nan"), False, note="promised too little"),
         ),
         noise=noise,
-        splits=(Split(names[:2], names[2:], 0.043, 0.012, NOISE_MPS), Split(names[2:], names[:2], 0.041, 0.013)),
+        splits=(
+            Split(names[:2], names[2:], 0.043, 0.012, NOISE_MPS),
+            Split(names[2:], names[:2], 0.041, 0.013),
+        ),
         numbers=numbers(),
         seconds=7.2,
         traces=made,
@@ -142,7 +146,10 @@ def missing_physics(**changes: object) -> Diagnosis:
 
 def ambiguous() -> Diagnosis:
     experiment = NextExperiment(
-        plan(), (("coulomb_friction",), ("driver_deadband",)), 7.5, "dry friction stops a wheel in finite time"
+        plan(),
+        (("coulomb_friction",), ("driver_deadband",)),
+        7.5,
+        "dry friction stops a wheel in finite time",
     )
     return missing_physics(
         verdict="ambiguous",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +11,6 @@ from truing.diagnose.result import Diagnosis, NamedEffect
 from truing.diagnose.words import alternatives, effect_title, joined
 from truing.exporters.source import from_baseline
 from truing.model.robot_model import RobotModel
-from truing.recording import Wheel
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,20 +84,13 @@ def _wheel(diagnosis: Diagnosis, baseline: Baseline, side: str) -> WheelModel:
 
 
 def _sides(left: WheelModel, right: WheelModel, ratios: dict[str, Any]) -> tuple[WheelModel, WheelModel]:
-    """Two different wheels in place of two equal ones; the right one keeps its numbers."""
+    """Two different wheels in place of two equal ones, whose numbers are the geometric means."""
+    gain = math.sqrt(float(ratios["gain_ratio"]))
+    constant = math.sqrt(float(ratios["time_constant_ratio"]))
     return (
-        WheelModel(
-            right.gain_mps * float(ratios["gain_ratio"]),
-            right.time_constant_s * float(ratios["time_constant_ratio"]),
-        )
-        if left == right
-        else left
-    ), right
-
-
-def wheel_of(corrected: CorrectedModel, side: Wheel) -> WheelModel:
-    """One wheel's two numbers."""
-    return corrected.baseline.left if side == "left" else corrected.baseline.right
+        WheelModel(left.gain_mps * gain, left.time_constant_s * constant),
+        WheelModel(right.gain_mps / gain, right.time_constant_s / constant),
+    )
 
 
 def _table(name: str, table: dict[str, Any]) -> str:

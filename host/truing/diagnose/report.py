@@ -141,7 +141,7 @@ class _Page:
         verb = "stands" if self.before.found == 1 else "stand"
         lines.append(
             f"{count} of {self.before.tested} cells {verb} out from the noise at a false-discovery rate of "
-            f"{rate} (Benjamini-Hochberg over all cells and bins below); they carry a dot."
+            f"{rate} (Benjamini-Hochberg, over all cells of time and over all bins); they carry a dot."
             + (f" With what is missing, {self.after.found} do." if self.named else "")
         )
         parts.append(_said(lines))

@@ -1,16 +1,16 @@
 """Where a residual stands out from its noise: cells of time, and bins of what the robot was doing.
 
 A cell of time is judged by its energy (chi-squared, the residual whitened first), a bin of speed, effort,
-angle, heading or time by its mean. What stands out is chosen over all of them together at one false-discovery
-rate (Benjamini & Hochberg 1995). Bins are of the *simulated* speed: the measured one holds the disturbance
-that is judged, and would condemn a model that is right.
+angle, heading or time by its mean. What stands out is chosen over all cells together, and over all bins, at
+one false-discovery rate (Benjamini & Hochberg 1995). Bins are of the *simulated* speed: the measured one
+holds the disturbance that is judged, and would condemn a model that is right.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import stats
@@ -125,36 +125,25 @@ def benjamini_hochberg(p_values: FloatArray, rate: float = FALSE_DISCOVERY_RATE)
 
 
 def _chosen(cells: Sequence[TimeCells], bins: Sequence[Bins]) -> Located:
-    parts = [part.p_values.ravel() for part in cells] + [part.p_values for part in bins]
-    joined = np.concatenate(parts)
-    marks = benjamini_hochberg(joined)
-    at = 0
-    out_cells, out_bins = [], []
-    for cell in cells:
-        mark = marks[at : at + cell.p_values.size].reshape(cell.p_values.shape)
-        at += cell.p_values.size
-        large = np.nan_to_num(cell.times_noise) > 1.0
-        out_cells.append(
-            TimeCells(
-                cell.wheel, cell.runs, cell.edges_s, cell.times_noise, cell.p_values, np.asarray(mark & large)
-            )
-        )
-    for entry in bins:
-        mark = marks[at : at + entry.p_values.size]
-        at += entry.p_values.size
-        out_bins.append(
-            Bins(
-                entry.wheel,
-                entry.quantity,
-                entry.unit,
-                entry.centres,
-                entry.mean,
-                entry.error,
-                entry.p_values,
-                mark,
-            )
-        )
-    return Located(tuple(out_cells), tuple(out_bins))
+    cell_marks = _marked([part.p_values for part in cells])
+    bin_marks = _marked([part.p_values for part in bins])
+    return Located(
+        tuple(
+            replace(part, stands_out=mark & (np.nan_to_num(part.times_noise) > 1.0))
+            for part, mark in zip(cells, cell_marks, strict=True)
+        ),
+        tuple(replace(part, stands_out=mark) for part, mark in zip(bins, bin_marks, strict=True)),
+    )
+
+
+def _marked(tables: Sequence[FloatArray]) -> list[BoolArray]:
+    """What stands out in tables that are judged together."""
+    if not tables:
+        return []
+    marks = benjamini_hochberg(np.concatenate([table.ravel() for table in tables]))
+    ends = np.cumsum([table.size for table in tables])[:-1]
+    parts = np.split(marks, ends)
+    return [part.reshape(table.shape) for part, table in zip(parts, tables, strict=True)]
 
 
 def _whitened(trace: RunTraces, residual: FloatArray, column: int, memory_s: float) -> FloatArray:
