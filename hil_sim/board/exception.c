@@ -17,7 +17,6 @@ enum {
 #define CONTROL_SFPA                                                                                         \
     8u /* the engine's core believes in TrustZone: without this bit it begins a new FP context */
 #define XPSR_T        (1u << 24)
-#define XPSR_IT       0x0600FC00u
 #define XPSR_ALIGN    (1u << 9)
 #define CCR_STKALIGN  (1u << 9)
 #define FPCCR_ASPEN   (1u << 31)

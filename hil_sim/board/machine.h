@@ -32,6 +32,7 @@ enum {
 #define PS_PER_US 1000000ULL
 #define LSI_HZ    32000U
 #define HSI_HZ    16000000U
+#define XPSR_IT   0x0600FC00u /* ITSTATE */
 
 /* ---- exceptions (ARMv7-M, PM0214 section 2.3) ---- */
 enum {
@@ -213,6 +214,7 @@ struct board {
     uint32_t it_left;                                     /* the next block begins inside an IT block */
     bool at_block, needs_check, reset_wanted, sleeping, locked_up, clock_dead, powered, no_fp;
     bool tlb_stale; /* the engine's translation cache has to be emptied between two blocks */
+    bool it_stale;  /* the engine's ITSTATE may hold what is over */
     enum board_reset reset_cause;
     int trap;
     bool fault_seen;

@@ -34,6 +34,7 @@ def test_it_blocks_give_the_same_result_wherever_an_interrupt_falls(board):
     assert b.word("ticks") > 20_000
     assert b.word("rounds") > 1_000
     assert b.word("wrong") == 0
+    assert b.word("pages_wrong") == 0
 
 
 def test_a_bus_fault_names_its_address_and_its_handler_can_repair_it(board):

@@ -1,7 +1,7 @@
 /* IT blocks of all lengths while an interrupt, whose period changes at each tick, spoils every flag. */
 #include "chip.h"
 
-volatile uint32_t wrong, rounds, ticks;
+volatile uint32_t wrong, rounds, ticks, pages_wrong;
 
 void systick(void)
 {
@@ -20,8 +20,21 @@ __attribute__((naked, noinline, aligned(1024))) static uint32_t across_pages(uin
                    "bx lr");
 }
 
+/* An IT block that reads a page for the first time, left through a register: what comes next is under no
+   condition. */
+__attribute__((naked, noinline)) static uint32_t first_look(const uint8_t *page __attribute__((unused)))
+{
+    __asm volatile("mov r2, r0\n movs r0, #0\n adr r3, 1f\n adds r3, #1\n"
+                   "cmp r0, #0\n ittt eq\n ldrbeq r1, [r2]\n moveq r1, #0\n moveq r1, #0\n"
+                   "cmp r0, #1\n bx r3\n .balign 4\n"
+                   "1: add r0, #1\n add r0, #1\n add r0, #1\n add r0, #1\n bx lr");
+}
+
 int main(void)
 {
+    for (uint32_t page = 0x08000000; page < 0x08100000; page += 1024) {
+        pages_wrong += first_look((const uint8_t *)page) != 4;
+    }
     SYST_RVR = 100;
     SYST_CVR = 0;
     SYST_CSR = 7;
