@@ -312,7 +312,7 @@ def test_reversals_at_any_moment_trip_nothing(image: Path, native_library: Path,
 
 def test_no_plan_that_truing_brings_along_trips_a_fault(image: Path, native_library: Path) -> None:
     plans = [load_plan(name) for name in built_in_names()]
-    assert len(plans) == 18
+    assert len(plans) == 31
     for plan in plans:
         assert faults_of(image, plan) == set(), plan.name
     print(f"{len(plans)} plans, no fault")
