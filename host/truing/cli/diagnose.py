@@ -55,8 +55,8 @@ LINE_WIDTH = 100
     help="Write the run that would settle an undecided verdict, for `truing run`.",
 )  # fmt: skip
 @click.option(
-    "--floor", "floor_m", metavar="METRES", type=click.FloatRange(min=0.1), default=4.0, show_default=True,
-    help="Floor that the next run may use.",
+    "--floor", "floor_m", metavar="METRES", type=click.FloatRange(min=0.1),
+    help="How far the next run may go.  [default: as far as the recorded runs went]",
 )  # fmt: skip
 @click.option("--wheels-only", is_flag=True, help="Leave the outside pose aside.")
 @click.option("--jobs", type=click.IntRange(min=1), help="Threads.  [default: one for each core]")
@@ -70,7 +70,7 @@ def command(
     report_path: Path | None,
     exports: tuple[str, ...],
     next_run: Path | None,
-    floor_m: float,
+    floor_m: float | None,
     wheels_only: bool,
     jobs: int | None,
 ) -> None:

@@ -10,6 +10,9 @@ import numpy as np
 
 from truing.baseline import Baseline, WheelModel, read_baseline
 from truing.diagnose.checks import check_data
+from truing.diagnose.compensation import compensate
+from truing.diagnose.next_experiment import propose
+from truing.diagnose.profiles import Limits
 from truing.diagnose.result import Check, Diagnosis
 from truing.diagnose.sim_runs import read_sim_runs
 from truing.errors import IdentifyError
@@ -31,13 +34,13 @@ class Options:
     sim_runs : folder with another simulator's output, instead of the baseline's own.
     wheels_only : leave pose and yaw rate aside.
     jobs : threads; None: one for each core.
-    floor_m : floor that a proposed run may use, m.
+    floor_m : floor that a proposed run may use, m; None: as much as the recorded runs used.
     """
 
     sim_runs: Path | None = None
     wheels_only: bool = False
     jobs: int | None = None
-    floor_m: float = 4.0
+    floor_m: float | None = None
 
 
 def _unheard(share: float) -> None:
@@ -135,11 +138,16 @@ def _diagnose(recordings: RecordingSet, options: Options, say: Progress) -> Diag
     known = {(check.topic, check.run, check.wheel) for check in diagnosis.checks}
     more = tuple(check for check in checked.checks if (check.topic, check.run, check.wheel) not in known)
     named = {effect.name for effect in diagnosis.effects}
-    return replace(
+    diagnosis = replace(
         diagnosis,
         checks=(*diagnosis.checks, *more),
         not_exercised=tuple(sorted({*diagnosis.not_exercised, *checked.blocked} - named)),
     )
+    if diagnosis.verdict == "ambiguous" and diagnosis.next_experiment is None:
+        limits = None if options.floor_m is None else Limits(floor_m=options.floor_m)
+        found = propose(diagnosis.explanations, recordings, diagnosis.noise, limits)
+        diagnosis = replace(diagnosis, next_experiment=found)
+    return replace(diagnosis, compensation=compensate(diagnosis, recordings.baseline))
 
 
 def _with_simulated(

@@ -63,18 +63,20 @@ def headline(diagnosis: Diagnosis) -> str:
         return f"Missing from the simulation{where}: {titles}{_sure(diagnosis.confidence)}."
     if verdict == "ambiguous":
         options = [" with ".join(map(effect_title, names)) for names in alternatives(diagnosis)]
-        return f"Something is missing, and these recordings cannot tell which: {joined(options, 'or')}."
+        mark = ";" if any(" with " in option for option in options) else ","
+        return f"Something is missing, and these recordings cannot tell which: {joined(options, 'or', mark)}."
     return "Something is there, and nothing in the catalogue explains it."
 
 
 def alternatives(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     """The explanations left under `ambiguous`, each as its effects."""
+    if len(diagnosis.explanations) > 1:
+        return [one.effects for one in diagnosis.explanations]
     groups: dict[int, list[str]] = {}
-    alone = [effect for effect in diagnosis.effects if effect.indistinguishable_from]
-    if len({effect.explanation for effect in alone}) < 2:
-        return [(effect.name,) for effect in diagnosis.effects]
     for effect in diagnosis.effects:
         groups.setdefault(effect.explanation, []).append(effect.name)
+    if len(groups) < 2:
+        return [(effect.name,) for effect in diagnosis.effects]
     return [tuple(names) for names in groups.values()]
 
 
@@ -162,11 +164,13 @@ def place_lines(diagnosis: Diagnosis) -> list[str]:
     groups: dict[tuple[str, str], list[MismatchSpan]] = {}
     for span in diagnosis.mismatch:
         groups.setdefault((span.signal, span.regime), []).append(span)
+    # Where several effects have each their own places, the shares of each of them sum to one.
+    whole = max(sum(span.share for span in diagnosis.mismatch), 1.0)
     ordered = sorted(groups.values(), key=lambda spans: -sum(span.share for span in spans))
     lines = []
     for spans in ordered[:MOST_PLACES]:
         first = max(spans, key=lambda span: span.share)
-        share = sum(span.share for span in spans)
+        share = sum(span.share for span in spans) / whole
         worst = max((span.times_noise or 0.0 for span in spans), default=0.0)
         times = f", up to {_fixed(worst, 1)} times the noise" if worst >= 1.0 else ""
         others = f" and {len(spans) - 1} like it" if len(spans) > 1 else ""
@@ -177,7 +181,7 @@ def place_lines(diagnosis: Diagnosis) -> list[str]:
         )
     left = len(ordered) - MOST_PLACES
     if left > 0:
-        rest = sum(span.share for spans in ordered[MOST_PLACES:] for span in spans)
+        rest = sum(span.share for spans in ordered[MOST_PLACES:] for span in spans) / whole
         kinds = "kind" if left == 1 else "kinds"
         lines.append(f"{left} more {kinds} of place share the other {100.0 * rest:.0f} %.")
     return lines
@@ -252,11 +256,12 @@ def two_amounts(first: float, second: float, unit: str) -> tuple[str, str]:
     return f"{first:.{digits}g}", f"{second:.{digits}g} {unit}"
 
 
-def joined(items: Sequence[str], word: str = "and") -> str:
-    """A list as a sentence has it."""
+def joined(items: Sequence[str], word: str = "and", mark: str = ",") -> str:
+    """A list as a sentence has it; marks other than commas also stand before the last word."""
     if len(items) < 2:
         return "".join(items)
-    return f"{', '.join(items[:-1])} {word} {items[-1]}"
+    last = mark if mark != "," else ""
+    return f"{f'{mark} '.join(items[:-1])}{last} {word} {items[-1]}"
 
 
 def sentence(text: str) -> str:

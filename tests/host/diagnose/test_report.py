@@ -60,7 +60,7 @@ def test_effects_that_act_together_are_one_alternative() -> None:
         ),
     )
     text = headline(replace(diagnoses.ambiguous(), effects=both))
-    assert "dry friction with a dead band in the motor driver or a delay" in text
+    assert "dry friction with a dead band in the motor driver; or a delay" in text
 
 
 def test_places_of_one_kind_are_told_together() -> None:

@@ -1,0 +1,317 @@
+"""The run that would tell explanations apart: both are simulated over a library of safe drives.
+
+For every drive the rival is refitted to what the other explanation predicts, on the drive and on the
+recordings that exist (linearised first, by Gauss-Newton steps for the best few), so that only a difference
+that no other choice of its numbers can hide counts (Box & Hill 1967; Atkinson & Fedorov 1975). The drive with
+the largest smallest difference wins; of drives about as good, the shortest.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from truing.diagnose.data import BoolArray, SetData, set_data
+from truing.diagnose.problem import Column, base_columns, effect_columns
+from truing.diagnose.profiles import Limits, Profile, Robot, candidates
+from truing.diagnose.result import Explanation, NextExperiment, SignalNoise
+from truing.diagnose.simulation.simulator import SetSimulator
+from truing.diagnose.words import effect_title, joined
+from truing.identify.levenberg import minimise
+from truing.plan import Plan
+from truing.recording import MOTION_PAIRS, WHEELS, FloatArray, RecordingSet, Run
+
+# Whitened differences beyond this tell two explanations apart nearly always; below half of it hardly ever.
+CLEAR = 4.0
+# So many of the best drives are judged again with the rival's numbers really refitted.
+SECOND_LOOK = 3
+ITERATIONS = 4
+# A drive this much less telling is preferred when it is shorter.
+AS_GOOD = 0.85
+# Each number may move by this share of its range before the prior on it is felt.
+PRIOR_SHARE = 0.5
+# A rival that reproduces the other on every drive, to this share of what the other misses, contains it.
+CONTAINED = 0.02
+LEAST_FLOOR_M = 2.0
+DEFAULT_WHEELBASE_M = 0.3
+
+
+@dataclass(frozen=True)
+class _Model:
+    """One explanation on one set of runs: what it predicts (n, 2), and its slopes (n, 2, p)."""
+
+    columns: tuple[Column, ...]
+    speeds: FloatArray
+    slopes: FloatArray
+
+
+def propose(
+    explanations: Sequence[Explanation],
+    recordings: RecordingSet,
+    noise: Sequence[SignalNoise],
+    limits: Limits | None = None,
+) -> NextExperiment | None:
+    """The drive whose smallest expected difference between any two explanations is largest.
+
+    Parameters
+    ----------
+    explanations : two or more, fitted to `recordings`.
+    noise : of the wheels' speeds in these recordings.
+    limits : None: full effort, and the floor that the recordings themselves used (2 m at least).
+    """
+    if len(explanations) < 2:
+        return None
+    judge = _Judge(explanations, recordings, noise)
+    data = judge.known.data
+    limits = limits or Limits(floor_m=max(LEAST_FLOOR_M, reach(data)))
+    rate = 1.0 / float(np.median(data.interval_s))
+    library = list(candidates(judge.robot(), limits, rate))
+    if not library:
+        return None
+    scores = judge.linearised([plan for _, plan in library])
+    first = [int(k) for k in np.argsort(-scores)[:SECOND_LOOK]]
+    refined = {k: judge.refitted(library[k][1]) for k in first}
+    best = max(refined.values())
+    good = [k for k, score in refined.items() if score >= AS_GOOD * best]
+    chosen = min(good, key=lambda k: (library[k][1].duration_s, -refined[k]))
+    profile, plan = library[chosen]
+    separates = tuple(one.effects for one in explanations)
+    return NextExperiment(plan, separates, refined[chosen], _why(profile, explanations, refined[chosen]))
+
+
+def reach(data: SetData) -> float:
+    """How far from its start the robot's middle got in any recorded run, m."""
+    return float(np.abs(data.travel_m.mean(axis=1)).max())
+
+
+def _why(profile: Profile, explanations: Sequence[Explanation], score: float) -> str:
+    names = joined([" with ".join(map(effect_title, one.effects)) for one in explanations], "and")
+    names = f"{names} apart" if len(explanations) == 2 else "these explanations apart"
+    expected = f"the closest two would differ by {score:.1f} times the noise, the rival refitted"
+    if score < 0.5 * CLEAR:
+        return (
+            f"No safe run within the robot's limits tells {names} well; this is the best there is: "
+            f"{expected}. More floor, a faster log or a pose from outside would help"
+        )
+    again = "" if score >= CLEAR else ", so drive it two or three times"
+    return f"It tells {names}: {_known_for(explanations) or profile.shows}; {expected}{again}"
+
+
+def _known_for(explanations: Sequence[Explanation]) -> str:
+    """What the catalogue says separates the first two, where each is a single effect."""
+    from truing.diagnose.catalogue import CATALOGUE
+
+    names = [one.effects[0] for one in explanations[:2] if len(one.effects) == 1]
+    if len(names) < 2 or any(name not in CATALOGUE for name in names):
+        return ""
+    first, second = names
+    return CATALOGUE[first].separated_by.get(second, "") or CATALOGUE[second].separated_by.get(first, "")
+
+
+class _Judge:
+    """Simulates drives after the recordings that exist, under every explanation."""
+
+    def __init__(
+        self, explanations: Sequence[Explanation], recordings: RecordingSet, noise: Sequence[SignalNoise]
+    ) -> None:
+        self.explanations = explanations
+        self.recordings = recordings
+        self.noise = {entry.signal: entry for entry in noise}
+        self.known = SetSimulator(set_data(recordings))
+        # Pairs (truth, rival) in which the rival holds the truth as a special case: no run refutes it, and
+        # its extra number is seen to vanish instead.
+        self.contained: set[tuple[int, int]] = set()
+
+    def robot(self) -> Robot:
+        """What the library needs to know of the robot."""
+        theta = self.explanations[0].theta
+        base = self.known.data.baseline.wheelbase_m
+        gain, constant = float(max(theta[0], theta[2])), float(max(theta[1], theta[3]))
+        return Robot(gain, constant, DEFAULT_WHEELBASE_M if base is None else base)
+
+    def linearised(self, plans: Sequence[Plan]) -> FloatArray:
+        """Smallest whitened difference for each drive, shape (plans,); all are simulated in one go."""
+        simulator = self._simulator(plans)
+        weights = self._weights(simulator.data)
+        drive = simulator.data.run_of_row - len(self.recordings)
+        models = [self._model(simulator, one) for one in self.explanations]
+        squares: dict[tuple[int, int], FloatArray] = {}
+        for pair in itertools.permutations(range(len(models)), 2):
+            truth, rival = models[pair[0]], models[pair[1]]
+            gap = weights * (truth.speeds - rival.speeds)
+            slopes = weights[:, :, None] * rival.slopes
+            prior = _prior(rival.columns)
+            known = _normal(gap[drive < 0], slopes[drive < 0])
+            settled = _least(known, prior)
+            squares[pair] = np.zeros(len(plans))
+            for k in range(len(plans)):
+                more = _normal(gap[drive == k], slopes[drive == k])
+                both = (known[0] + more[0], known[1] + more[1], known[2] + more[2])
+                squares[pair][k] = max(_least(both, prior) - settled, 0.0)
+        self.contained = {
+            pair for pair, found in squares.items() if found.sum() < CONTAINED * squares[pair[::-1]].sum()
+        }
+        judged = [found for pair, found in squares.items() if pair not in self.contained]
+        return np.asarray(np.sqrt(np.min(judged, axis=0)))
+
+    def refitted(self, plan: Plan) -> float:
+        """Smallest whitened difference for one drive, the rival's numbers searched on it and all before."""
+        simulator = self._simulator([plan])
+        weights = self._weights(simulator.data)
+        old = simulator.data.run_of_row < len(self.recordings)
+        least = math.inf
+        for pair in itertools.permutations(range(len(self.explanations)), 2):
+            if pair in self.contained:
+                continue
+            truth, rival = self.explanations[pair[0]], self.explanations[pair[1]]
+            target = simulator.speeds(self._theta(simulator, truth), simulator.enabled(truth.effects))
+            least = min(least, self._gap(simulator, target, rival, weights, old))
+        return math.sqrt(max(least, 0.0))
+
+    def _gap(
+        self,
+        simulator: SetSimulator,
+        target: FloatArray,
+        rival: Explanation,
+        weights: FloatArray,
+        old: BoolArray,
+    ) -> float:
+        """Squared whitened distance that the rival keeps from `target` because of the drive."""
+        columns = self._columns(simulator, rival)
+        start = self._theta(simulator, rival)
+        on = simulator.enabled(rival.effects)
+
+        def place(x: FloatArray) -> FloatArray:
+            theta = start.copy()
+            for value, column in zip(x, columns, strict=True):
+                theta[list(column.entries)] = value
+            return theta
+
+        def residual(x: FloatArray) -> FloatArray:
+            return (weights * (target - simulator.speeds(place(x), on))).ravel()
+
+        def jacobian(x: FloatArray, _: FloatArray) -> FloatArray:
+            slopes = _slopes(simulator, place(x), on, columns)
+            return -(weights[:, :, None] * slopes).reshape(-1, len(columns))
+
+        first = np.array([start[column.entries[0]] for column in columns])
+        lower, upper = (np.array([getattr(column, end) for column in columns]) for end in ("lower", "upper"))
+        flat, slopes = residual(first), jacobian(first, first)
+        rows = np.repeat(old, 2)
+        settled = _least(_normal(flat[rows], -slopes[rows]), _prior(columns))
+        end = minimise(residual, jacobian, first, lower, upper, iterations=ITERATIONS, tolerance=1e-3)
+        left = residual(end.theta)
+        return float(left @ left) - settled
+
+    def _model(self, simulator: SetSimulator, one: Explanation) -> _Model:
+        theta, on = self._theta(simulator, one), simulator.enabled(one.effects)
+        columns = self._columns(simulator, one)
+        return _Model(columns, simulator.speeds(theta, on), _slopes(simulator, theta, on, columns))
+
+    def _columns(self, simulator: SetSimulator, one: Explanation) -> tuple[Column, ...]:
+        base = base_columns(simulator, simulator.tied, simulator.baseline_effects)
+        return base + tuple(column for name in one.effects for column in effect_columns(simulator, name))
+
+    def _theta(self, simulator: SetSimulator, one: Explanation) -> FloatArray:
+        """The explanation's numbers in the units of a set that is longer by some drives."""
+        return np.asarray(one.theta * self.known.layout.scale / simulator.layout.scale)
+
+    def _simulator(self, plans: Sequence[Plan]) -> SetSimulator:
+        """The recordings with the drives behind them; wheels turn as the first explanation says."""
+        still = [_as_run(plan, self.recordings, None, number) for number, plan in enumerate(plans)]
+        guess = SetSimulator(set_data(self._with(still)))
+        one = self.explanations[0]
+        speeds = guess.speeds(self._theta(guess, one), guess.enabled(one.effects))
+        moving = []
+        for number, plan in enumerate(plans):
+            rows = guess.data.rows_of(len(self.recordings) + number)
+            moving.append(_as_run(plan, self.recordings, speeds[rows], number))
+        return SetSimulator(set_data(self._with(moving)))
+
+    def _with(self, runs: Sequence[Run]) -> RecordingSet:
+        return replace(self.recordings, runs=(*self.recordings.runs, *runs))
+
+    def _weights(self, data: SetData) -> FloatArray:
+        """One over the noise that a row counts with, shape (n, 2), s/m; zero where a row is not judged.
+
+        Counting noise grows with the log rate; a disturbance that outlasts a row makes rows count less.
+        """
+        weights = np.zeros((len(data), 2))
+        usual = float(np.median(self.known.data.interval_s))
+        for column, wheel in enumerate(WHEELS):
+            entry = self.noise.get(f"vel_{wheel}_mps")
+            if entry is None:
+                continue
+            counting = entry.quantisation * usual / data.dt_s
+            lasting = np.maximum(2.0 * entry.correlation_s / data.dt_s, 1.0)
+            weights[:, column] = 1.0 / np.sqrt(counting**2 + entry.disturbance**2 * lasting + 1e-12)
+        weights[~data.judged] = 0.0
+        return weights
+
+
+def _slopes(
+    simulator: SetSimulator, theta: FloatArray, on: BoolArray, columns: Sequence[Column]
+) -> FloatArray:
+    """Derivatives of the speeds by the free numbers, shape (n, 2, p)."""
+    entries = [entry for column in columns for entry in column.entries]
+    raw = simulator.jacobian(theta, on, entries)
+    slopes = np.zeros((*raw.shape[:2], len(columns)))
+    at = 0
+    for k, column in enumerate(columns):
+        slopes[:, :, k] = raw[:, :, at : at + len(column.entries)].sum(axis=2)
+        at += len(column.entries)
+    return slopes
+
+
+_Normal = tuple[FloatArray, FloatArray, float]
+
+
+def _normal(gap: FloatArray, slopes: FloatArray) -> _Normal:
+    """Normal equations of moving the rival by some of its slopes to close the gap."""
+    flat = slopes.reshape(-1, slopes.shape[-1])
+    return flat.T @ flat, flat.T @ gap.ravel(), float((gap**2).sum())
+
+
+def _prior(columns: Sequence[Column]) -> FloatArray:
+    """Weak, shape (p,): no number moves by more than its range for nothing."""
+    return np.array([1.0 / (PRIOR_SHARE * max(column.upper - column.lower, 1e-9)) ** 2 for column in columns])
+
+
+def _least(normal: _Normal, prior: FloatArray) -> float:
+    """The squared gap that is left once the rival has moved as far as it helps."""
+    matrix, vector, square = normal
+    step = np.linalg.solve(matrix + np.diag(prior), vector)
+    return float(square - vector @ step)
+
+
+def _as_run(plan: Plan, recordings: RecordingSet, speeds: FloatArray | None, number: int) -> Run:
+    """A drive as a run with the columns that every recorded run has; wheels at rest where nobody knows."""
+    rate = plan.log_rate_hz or recordings.runs[0].rate_hz
+    count = max(math.ceil(plan.duration_s * rate), 20) + 1
+    t_s = np.arange(count) / rate
+    edges = np.concatenate(([0.0], np.cumsum([segment.duration_s for segment in plan.segments])))
+    columns = {"t_s": t_s}
+    for side, values in (("left", [s.a for s in plan.segments]), ("right", [s.b for s in plan.segments])):
+        # Mean over each row's interval, from the integral of the effort.
+        levels = np.array(values)
+        integral = np.concatenate(([0.0], np.cumsum(levels * np.diff(edges))))
+        at = np.interp(t_s, edges, integral)
+        columns[f"effort_{side}"] = np.concatenate(([levels[0]], np.diff(at) * rate))
+    speeds = np.zeros((count, 2)) if speeds is None else speeds
+    travel = np.cumsum(speeds, axis=0) / rate
+    scale = None if recordings.baseline is None else recordings.baseline.metres_per_count
+    for source, names in MOTION_PAIRS.items():
+        if not all(run.has_pair(source) for run in recordings):
+            continue
+        for column, name in enumerate(names):
+            if source == "vel":
+                columns[name] = speeds[:, column]
+            elif source == "pos":
+                columns[name] = travel[:, column]
+            else:
+                columns[name] = np.rint(travel[:, column] / (scale or 1.0))
+    return Run(f"~{number:03d}_{plan.name}", columns)

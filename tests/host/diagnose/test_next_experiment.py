@@ -1,0 +1,91 @@
+"""The proposed run separates the explanations that are left, within the robot's limits."""
+
+from __future__ import annotations
+
+import pytest
+
+from support.recorded_sets import recordings
+from truing.diagnose.data import set_data
+from truing.diagnose.next_experiment import propose
+from truing.diagnose.profiles import PROFILES, Limits, Robot, candidates
+from truing.diagnose.result import Explanation, SignalNoise
+from truing.diagnose.simulation.simulator import SetSimulator
+from truing.floor import MotionModel, estimate_floor
+
+NOISE = tuple(
+    SignalNoise(f"vel_{side}_mps", 0.004, 0.008, 0.009, 0.05, "made up") for side in ("left", "right")
+)
+ROBOT = Robot(1.45, 0.35, 0.283)
+
+
+def explanation(simulator: SetSimulator, **values: float) -> Explanation:
+    theta = simulator.start()
+    for key, value in values.items():
+        theta[simulator.layout.index(key.replace("__", "."))] = value
+    return Explanation(tuple(dict.fromkeys(key.split("__")[0] for key in values)), theta)
+
+
+@pytest.fixture(scope="module")
+def simulator() -> SetSimulator:
+    return SetSimulator(set_data(recordings(4)))
+
+
+@pytest.mark.parametrize("robot", [ROBOT, Robot(18.0, 0.35, 0.6), Robot(0.5, 1.5, 0.2)])
+@pytest.mark.parametrize("floor_m", [1.0, 4.0, 20.0])
+def test_every_drive_of_the_library_stays_within_its_limits(robot: Robot, floor_m: float) -> None:
+    plans = [plan for _, plan in candidates(robot, Limits(effort=0.8, floor_m=floor_m), 20.0)]
+    assert plans, "there is always something to propose"
+    model = MotionModel(robot.gain_mps, robot.gain_mps, robot.time_constant_s, robot.wheelbase_m)
+    for plan in plans:
+        assert max(max(abs(s.a), abs(s.b)) for s in plan.segments) <= 0.8
+        assert estimate_floor(plan, model).radius_m <= floor_m
+        assert plan.segments[0].a == plan.segments[-1].b == 0.0, "it begins and ends at rest"
+
+
+def test_a_usual_robot_has_every_profile_to_choose_from() -> None:
+    names = {profile.name for profile, _ in candidates(ROBOT, Limits(floor_m=4.0), 20.0)}
+    assert names == {profile.name for profile in PROFILES}
+
+
+@pytest.mark.slow
+def test_friction_and_dead_band_are_told_apart_far_above_the_noise(simulator: SetSimulator) -> None:
+    found = propose(
+        (
+            explanation(simulator, coulomb_friction__left=0.05, coulomb_friction__right=0.05),
+            explanation(simulator, driver_deadband__deadband=0.05),
+        ),
+        recordings(4),
+        NOISE,
+    )
+    assert found is not None
+    assert found.expected_difference_over_noise > 4.0
+    assert found.separates == (("coulomb_friction",), ("driver_deadband",))
+    assert "dry friction" in found.why
+
+
+def test_delay_and_lag_are_told_apart_by_quick_reversals(simulator: SetSimulator) -> None:
+    found = propose(
+        (
+            explanation(simulator, input_delay__delay=0.06),
+            explanation(simulator, driver_lag__time_constant=0.06),
+        ),
+        recordings(4),
+        NOISE,
+    )
+    assert found is not None
+    assert found.plan.name.startswith(("chirp", "reversals", "full_reversals"))
+    assert found.expected_difference_over_noise > 4.0
+
+
+def test_what_no_run_separates_is_said_and_not_promised(simulator: SetSimulator) -> None:
+    # Seen from the wheels alone, a side that is stronger is a side that counts more.
+    gain = explanation(simulator, side_asymmetry__gain_ratio=1.05)
+    scale = explanation(simulator, encoder_scale__left=1.025, encoder_scale__right=0.9756)
+    found = propose((gain, scale), recordings(4), NOISE)
+    assert found is not None
+    assert found.expected_difference_over_noise < 2.0
+    assert "No safe run" in found.why
+
+
+def test_one_explanation_needs_no_run(simulator: SetSimulator) -> None:
+    assert propose((explanation(simulator, driver_deadband__deadband=0.05),), recordings(4), NOISE) is None
