@@ -34,13 +34,15 @@ class Machine:
     time_constant: Array
 
 
-def draw_machine(rng: Generator, *, sides_equal: bool) -> Machine:
-    """A robot somewhere between a palm and a wheelchair."""
+def draw_machine(
+    rng: Generator, *, sides_equal: bool, viscous: tuple[float, float] = (0.05, 0.35)
+) -> Machine:
+    """A robot somewhere between a palm and a wheelchair; `viscous` bounds viscous torque over back-EMF."""
     radius = _log_uniform(rng, 0.03, 0.1)
     spread = 0.0 if sides_equal else 1.0
     gain = _log_uniform(rng, 0.6, 2.0) * (1 + spread * rng.uniform(-0.06, 0.06, 2))
     tau = _log_uniform(rng, 0.1, 0.55) * (1 + spread * rng.uniform(-0.1, 0.1, 2))
-    viscous_share = rng.uniform(0.15, 0.8) * (1 + spread * rng.uniform(-0.1, 0.1, 2))
+    viscous_share = rng.uniform(*viscous) * (1 + spread * rng.uniform(-0.1, 0.1, 2))
     rotor_share = np.full(2, rng.uniform(0.1, 0.4))
     physics = healthy(
         radius=radius,
