@@ -176,6 +176,7 @@ static double motor_force_n(struct plant *plant, int i, double motor_mps, double
 struct motion {
     double span_s;
     double motor_n[PLANT_WHEELS]; /* at the motor: electrical, ripple, disturbance */
+    double floor_n[PLANT_WHEELS]; /* at the wheel: what the floor does to it */
     double body_n;                /* on the body */
     struct friction_limits limits;
 };
@@ -231,6 +232,7 @@ static void move_pieces(struct plant *plant, const struct motion *motion)
         } else {
             wheel_kg += motor_kg;
         }
+        wheel_n += motion->floor_n[i];
         if (params->bristle.coulomb_nm[i] > 0.0 || params->bristle.breakaway_nm[i] > 0.0) {
             const double speed = speed_of(&rims, i) / radius_m;
             wheel_n -= bristle_torque_nm(&params->bristle, i, speed, span_s, &side->bend_rad) / radius_m;
@@ -343,7 +345,7 @@ void hidden_step(struct plant *plant)
             const double share = resting > 0.0 ? fabs(rim) / (fabs(rim) + resting) : 1.0;
             const double torque_nm =
                 disturbance_nm(&hidden->disturbance, &params->disturbance, i, plant->seed, plant->steps);
-            motion.motor_n[i] += share * torque_nm / wheel[i].radius_m;
+            motion.floor_n[i] = share * torque_nm / wheel[i].radius_m;
         }
     }
     battery_step(&plant->battery, drawn_as);

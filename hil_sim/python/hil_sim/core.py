@@ -41,6 +41,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "plant_state": (None, [_P, _P]),
     "plant_hide": (_BOOL, [_P, _P]),
     "plant_hidden_problem": (ctypes.c_char_p, [_P]),
+    "plant_hold_wheel": (None, [_P, ctypes.c_int, ctypes.c_double]),
     "plant_place": (None, [_P, ctypes.c_double, ctypes.c_double, ctypes.c_double]),
     "plant_record": (_BOOL, [_P, _P, _SIZE, _U64]),
     "plant_recorded": (_SIZE, [_P]),
@@ -165,6 +166,10 @@ class CoreRobot:
         """Lift the robot and put it down elsewhere."""
         self._library.plant_place(self._plant, x_m, y_m, theta_rad)
 
+    def hold_wheel(self, wheel: int, torque_nm: float) -> None:
+        """Hold a wheel with dry friction at its axle, as a hand does; 0 lets go."""
+        self._library.plant_hold_wheel(self._plant, wheel, torque_nm)
+
     def record(self, longest_s: float, interval_s: float = 1e-3) -> None:
         """Write down the robot's truth from now on, for so long at most."""
         self._samples = np.zeros(round(longest_s / interval_s) + 2, SAMPLE)
@@ -181,11 +186,16 @@ DRIVE_LATE_S = 0.00065
 """A command of one millisecond of `CoreRobot` reaches the bridges this long after the plant's millisecond."""
 
 
+HOLDING_NM = 100.0
+"""More torque than any wheel here has."""
+
+
 @dataclass(frozen=True)
 class Placing:
-    """A robot put down somewhere, at a time since its creation."""
+    """A robot taken up, put down somewhere and held until it is let go; times since its creation."""
 
     at_s: float
+    release_s: float
     x_m: float
     y_m: float
     theta_rad: float
@@ -215,6 +225,15 @@ def replay(
     plant = library.plant_create(ctypes.byref(to_native(robot)), seed & (2**64 - 1))
     if plant is None:
         raise VirtualRobotError(robot.problem() or "no memory")
+    done = 0
+
+    def drive_until(time_s: float) -> None:
+        nonlocal done
+        # The first stretch of each command's millisecond belongs to the one before.
+        end = min(max(round((time_s - DRIVE_LATE_S) * 1000), done), len(asked))
+        library.plant_replay(plant, asked[done:end].ctypes.data, end - done, steps_of(1e-3))
+        done = end
+
     try:
         native = hidden_to_native(hidden)
         if not library.plant_hide(plant, ctypes.byref(native)):
@@ -222,14 +241,15 @@ def replay(
         library.plant_record(plant, samples.ctypes.data, samples.size, steps_of(1e-3))
         none = np.zeros((1, 2))
         library.plant_replay(plant, none.ctypes.data, 1, steps_of(DRIVE_LATE_S))
-        ends = [min(round(placing.at_s * 1000), len(asked)) for placing in placings] + [len(asked)]
-        begin = 0
-        for end, placing in zip(ends, (*placings, None), strict=True):
-            part = asked[begin:end]
-            library.plant_replay(plant, part.ctypes.data, len(part), steps_of(1e-3))
-            if placing is not None:
-                library.plant_place(plant, placing.x_m, placing.y_m, placing.theta_rad)
-            begin = max(begin, end)
+        for placing in placings:
+            drive_until(placing.at_s)
+            library.plant_place(plant, placing.x_m, placing.y_m, placing.theta_rad)
+            for wheel in (0, 1):
+                library.plant_hold_wheel(plant, wheel, HOLDING_NM)
+            drive_until(placing.release_s)
+            for wheel in (0, 1):
+                library.plant_hold_wheel(plant, wheel, 0.0)
+        drive_until(len(asked) * 1e-3 + 1.0)
     finally:
         library.plant_destroy(plant)
     return samples

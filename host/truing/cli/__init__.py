@@ -33,6 +33,7 @@ COMMANDS: dict[str, str] = {
     "params": "List, change, save and compare the board's parameters.",
     "log": "List, fetch and erase the board's logs.",
     "import": "Turn recordings of other programs into a set of runs.",
+    "trial": "Hide an effect in a simulated robot, diagnose it, look whether it was found.",
     "identify": "Gains and time constants of recordings.",
     "fit": "Models of both wheels, judged on runs they never saw.",
     "diagnose": "Where a simulation is wrong, and which physics it leaves out.",

@@ -1,0 +1,178 @@
+"""Drives a trial's plans on a robot and brings its logs down the link, whichever robot it is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from hil_sim.core import HOLDING_NM, CoreRobot, Placing
+from hil_sim.recorded import Samples
+from truing.device import Device
+from truing.drive import board_fault
+from truing.errors import BoardFault
+from truing.link.client import Client
+from truing.link.virtual_stream import VirtualStream
+from truing.log_columns import run_from_records
+from truing.plan import Kind, Plan
+from truing.recording import Run
+from truing.run_saver import fetch_log
+from truing.trial.robot import Robot
+
+FloatArray = npt.NDArray[np.float64]
+
+# Device time 0 is this long after the plant's creation, see hil_sim/core; the virtual board boots alike.
+_DEVICE_ZERO_S = 0.0146 + 38.6e-6 - 0.001
+_LONGEST_PAUSE_S = 3.0
+_HELD_US = 400_000
+_AFTER_US = 50_000
+# Until the supply has been measured a board does not start.
+_SETTLING_US = 50_000
+
+
+class SimulatedRobot(Protocol):
+    """What `CoreRobot` and `VirtualRobot` have in common."""
+
+    @property
+    def time_s(self) -> float: ...
+    def run_us(self, n: int) -> None: ...
+    def link_write(self, data: bytes) -> None: ...
+    def link_read(self) -> bytes: ...
+    def place(self, x_m: float, y_m: float, theta_rad: float) -> None: ...
+    def hold_wheel(self, wheel: int, torque_nm: float) -> None: ...
+    def record(self, longest_s: float, interval_s: float = 1e-3) -> None: ...
+    def recorded(self) -> Samples: ...
+    def close(self) -> None: ...
+
+
+@dataclass(frozen=True)
+class DrivenRun:
+    """One run: what the board logged, and since when on the plant's clock."""
+
+    run: Run
+    start_s: float
+
+    @property
+    def row_times_s(self) -> FloatArray:
+        """Plant time of each row, shape (n,)."""
+        return self.start_s + self.run.t_s
+
+
+@dataclass(frozen=True)
+class DrivenSet:
+    """All runs of a trial, and the truth at every millisecond from the first to the last."""
+
+    runs: tuple[DrivenRun, ...]
+    samples: Samples
+    placings: tuple[Placing, ...]
+    faults: tuple[str, ...]
+
+    @property
+    def asked(self) -> FloatArray:
+        """Effort asked of the bridges, shape (ms, 2)."""
+        asked: FloatArray = self.samples["asked"].astype(np.float64)
+        return asked
+
+
+def drive_set(
+    robot: SimulatedRobot,
+    plans: Sequence[Plan],
+    spec: Robot,
+    placing_seed: int,
+    progress: Callable[[float], None] | None = None,
+) -> DrivenSet:
+    """Drive the plans one right after the other; between them the robot is put back to the start.
+
+    The board is told the robot's nominal numbers, and that its wheels are known to be sound: a
+    trial's robot may stand under effort, and that is what is being looked for.
+    """
+    rng = np.random.default_rng([placing_seed, 0x706C61])
+    total_s = sum(plan.duration_s + _LONGEST_PAUSE_S for plan in plans) + 5.0
+    velocity = any(segment.kind is not Kind.EFFORT for plan in plans for segment in plan.segments)
+    robot.record(total_s)
+    runs: list[DrivenRun] = []
+    placings: list[Placing] = []
+    faults: list[str] = []
+    robot.run_us(_SETTLING_US)
+    with Device(Client(VirtualStream(robot))) as device:
+        for name, value in _settings(spec, velocity=velocity).items():
+            device.set_parameter(name, value)
+        for number, plan in enumerate(plans, 1):
+            try:
+                run, placing = _one_run(robot, device, plan, number, rng)
+            except BoardFault as fault:
+                faults += [f"{plan.name}: {name}" for name in fault.faults]
+                break
+            runs.append(run)
+            placings.append(placing)
+            if progress is not None:
+                progress(number / len(plans))
+        samples = robot.recorded().copy()
+    return DrivenSet(tuple(runs), samples, tuple(placings), tuple(faults))
+
+
+def _one_run(
+    robot: SimulatedRobot, device: Device, plan: Plan, number: int, rng: np.random.Generator
+) -> tuple[DrivenRun, Placing]:
+    """Put the robot to the line, hold it, start, let go, fetch the log."""
+    sequence = device.upload(plan)
+    x_m, y_m, theta_rad = (float(x) for x in rng.normal(0.0, (0.002, 0.002, 0.005)))
+    at_s = robot.time_s
+    robot.place(x_m, y_m, theta_rad)
+    for wheel in (0, 1):
+        robot.hold_wheel(wheel, HOLDING_NM)
+    robot.run_us(_HELD_US)
+    log_id = device.start(sequence)
+    release_s = robot.time_s
+    for wheel in (0, 1):
+        robot.hold_wheel(wheel, 0.0)
+    robot.run_us(round(sequence.duration_s * 1e6) + _AFTER_US)
+    status = device.status()
+    if status.latched:
+        raise board_fault(status)
+    fetched = fetch_log(device, log_id)
+    run = run_from_records(fetched.decoded.records, f"{number:02d}_{plan.name.replace('/', '_')}")
+    placing = Placing(at_s, release_s, x_m, y_m, theta_rad)
+    return DrivenRun(run, _DEVICE_ZERO_S + fetched.log.start_s), placing
+
+
+def _settings(spec: Robot, *, velocity: bool) -> dict[str, float]:
+    values: dict[str, float] = {
+        "wheel_radius_m": spec.radius_m,
+        "wheelbase_m": spec.wheelbase_m,
+        "counts_per_rev": spec.counts_per_rev,
+        "log_rate_hz": 20,
+        "overspeed_mps": 50.0,
+        "encoder_speed_max_mps": 50.0,
+        "stall_effort": 1.0,
+        "battery_low_v": 0.0,
+        "speed_limit_mps": 10.0,
+    }
+    for i, side in enumerate(("left", "right")):
+        for way in ("", "_reverse"):
+            values[f"ff_ks_{side}{way}"] = 0.0
+            values[f"ff_kv_{side}{way}"] = 1.0 / spec.gain_mps[i]
+            # So much inertia that the watch for reversed encoders never minds; velocity mode needs the truth.
+            lag = spec.time_constant_s[i] / spec.gain_mps[i]
+            values[f"ff_ka_{side}{way}"] = lag if velocity else 50.0
+    return values
+
+
+def core_robot(spec: Robot, seed: int) -> CoreRobot:
+    """A robot whose controller runs as this machine's code."""
+    parameters, hidden = spec.build()
+    return CoreRobot(parameters, seed, hidden)
+
+
+def board_robot(spec: Robot, seed: int) -> Any:
+    """A robot whose controller is the flashed image on the virtual board."""
+    from hil_sim import VirtualRobot
+    from truing.workspace import image_path
+
+    parameters, hidden = spec.build()
+    robot = VirtualRobot(image_path(), robot=parameters, seed=seed)
+    robot.hide(hidden)
+    return robot

@@ -1,0 +1,213 @@
+"""How strong an effect is in recordings: what it leaves when the baseline's numbers are refitted, over noise.
+
+The plant is played back without noise under the very efforts of the recordings; the first-order
+model here is fitted to that, at a millisecond, and is nobody else's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
+
+from hil_sim.core import replay
+from hil_sim.recorded import Samples
+from truing.trial.drives import DrivenSet
+from truing.trial.robot import Robot
+
+FloatArray = npt.NDArray[np.float64]
+
+POSE_WINDOW_ROWS = 20
+_LATE_S = 0.00065
+
+
+@dataclass(frozen=True)
+class RowMotion:
+    """What happens in the rows of all runs, without noise; N rows in all.
+
+    Attributes
+    ----------
+    speed_mps : shape (N, 2), mean rim speed by the encoders' angle and the nominal radius.
+    recorded_mps : shape (N, 2), the same as a recorder with a speed filter reports it.
+    pose : shape (N, 3), true x, y (m), heading (rad).
+    run : shape (N,), number of the run.
+    """
+
+    speed_mps: FloatArray
+    recorded_mps: FloatArray
+    pose: FloatArray
+    run: npt.NDArray[np.intp]
+
+
+def row_motion(driven: DrivenSet, samples: Samples, robot: Robot) -> RowMotion:
+    """Return what the samples say at the rows of a driven set."""
+    time_s = (np.arange(len(samples)) + 1.0) * 1e-3
+    travel = samples["measured_rad"] * robot.radius_m
+    filtered = filtered_speed(travel, robot.filter_s) if robot.filter_s > 0.0 else None
+    speeds, recorded, poses, numbers = [], [], [], []
+    for number, run in enumerate(driven.runs):
+        at = run.row_times_s
+        moved = np.column_stack([np.interp(at, time_s, travel[:, i]) for i in (0, 1)])
+        speed = mean_speed(at, moved)
+        speeds.append(speed)
+        recorded.append(
+            speed
+            if filtered is None
+            else np.column_stack([np.interp(at, time_s, filtered[:, i]) for i in (0, 1)])
+        )
+        pose = [np.interp(at, time_s, samples[name]) for name in ("x_m", "y_m", "theta_rad")]
+        poses.append(np.column_stack(pose))
+        numbers.append(np.full(len(at), number))
+    return RowMotion(
+        np.concatenate(speeds), np.concatenate(recorded), np.concatenate(poses), np.concatenate(numbers)
+    )
+
+
+def mean_speed(at_s: FloatArray, travel_m: FloatArray) -> FloatArray:
+    """Mean speed over the interval that ends at each row, shape (n, 2); the first row stands."""
+    speed = np.zeros_like(travel_m)
+    gap = np.diff(at_s)
+    speed[1:] = np.where(gap[:, None] > 0.0, np.diff(travel_m, axis=0) / np.maximum(gap, 1e-9)[:, None], 0.0)
+    return speed
+
+
+def filtered_speed(travel_m: FloatArray, constant_s: float) -> FloatArray:
+    """Speed at every millisecond behind a filter of first order, shape (ms, 2)."""
+    kept = np.exp(-1e-3 / constant_s)
+    speed = np.diff(travel_m, axis=0, prepend=travel_m[:1]) / 1e-3
+    out: FloatArray = lfilter([1.0 - kept], [1.0, -kept], speed, axis=0)
+    return out
+
+
+def play(driven: DrivenSet, robot: Robot, *, seed: int = 1) -> Samples:
+    """Return the robot's motion under the efforts of a driven set, without disturbance."""
+    quiet = dict(robot.hidden)
+    quiet["disturbance__torque_nm"] = (0.0, 0.0)
+    plain = Robot(**{**robot.__dict__, "hidden": quiet})
+    parameters, hidden = plain.build()
+    return replay(parameters, hidden, driven.asked, seed, driven.placings)
+
+
+@dataclass(frozen=True)
+class Refit:
+    """The baseline's numbers as they fit best, and what they leave."""
+
+    gain_mps: tuple[float, float]
+    time_constant_s: tuple[float, float]
+    residual_mps: FloatArray
+
+
+class FirstOrder:
+    """A first-order wheel under the efforts of a driven set, at a millisecond; each run starts at rest."""
+
+    def __init__(self, driven: DrivenSet) -> None:
+        self._rows = [run.row_times_s for run in driven.runs]
+        self._asked = driven.asked
+        self._spans = [
+            (int(np.floor(at[0] * 1000)) - 1, int(np.ceil(at[-1] * 1000)) + 2) for at in self._rows
+        ]
+
+    def speed(self, wheel: int, constant_s: float) -> FloatArray:
+        """Mean speed per row of a wheel of gain 1, shape (N,)."""
+        kept = np.exp(-1e-3 / constant_s)
+        out = []
+        for (begin, end), at in zip(self._spans, self._rows, strict=True):
+            effort = self._asked[max(begin, 0) : end, wheel]
+            speed = lfilter([1.0 - kept], [1.0, -kept], effort)
+            travel = np.concatenate([[0.0], np.cumsum(0.5e-3 * (np.append(0.0, speed[:-1]) + speed))])
+            when = (max(begin, 0) + np.arange(len(travel))) * 1e-3 + _LATE_S
+            out.append(mean_speed(at, np.interp(at, when, travel)[:, None])[:, 0])
+        return np.concatenate(out)
+
+    def refit(self, speed_mps: FloatArray, *, tied: bool = False) -> Refit:
+        """Fit gain and time constant to speeds of shape (N, 2); `tied`: both sides alike."""
+        groups = [(0, 1)] if tied else [(0,), (1,)]
+        gain, constant = [0.0, 0.0], [0.0, 0.0]
+        residual = np.zeros_like(speed_mps)
+        for group in groups:
+
+            def parts(log_s: float, group: tuple[int, ...] = group) -> tuple[float, FloatArray]:
+                unit = np.column_stack([self.speed(i, float(np.exp(log_s))) for i in group])
+                target = speed_mps[:, list(group)]
+                energy = float((unit * unit).sum())
+                best = float((unit * target).sum()) / energy if energy > 0.0 else 0.0
+                return best, target - best * unit
+
+            found = minimize_scalar(
+                lambda log_s: float((parts(log_s)[1] ** 2).sum()),
+                bounds=(np.log(0.02), np.log(3.0)),
+                method="bounded",
+                options={"xatol": 0.003},
+            )
+            value, left = parts(float(found.x))
+            for k, i in enumerate(group):
+                gain[i], constant[i] = value, float(np.exp(found.x))
+                residual[:, i] = left[:, k]
+        return Refit((gain[0], gain[1]), (constant[0], constant[1]), residual)
+
+
+def wheel_strength(first_order: FirstOrder, motion: RowMotion, noise_mps: float, *, tied: bool) -> float:
+    """S in the wheels' speeds: RMS after the refit over that of noise and disturbance."""
+    residual = first_order.refit(motion.speed_mps, tied=tied).residual_mps
+    signal = motion.recorded_mps - motion.speed_mps
+    return float(np.sqrt(np.mean(residual**2) + np.mean(signal**2))) / noise_mps
+
+
+def window_moves(pose: FloatArray, run: npt.NDArray[np.intp], rows: int = POSE_WINDOW_ROWS) -> FloatArray:
+    """Displacement over windows in the frame of their beginnings: forward, lateral (m), heading (rad)."""
+    moves = []
+    for number in np.unique(run):
+        part = pose[run == number][::rows]
+        step = np.diff(part, axis=0)
+        c, s = np.cos(part[:-1, 2]), np.sin(part[:-1, 2])
+        moves.append(
+            np.column_stack([c * step[:, 0] + s * step[:, 1], c * step[:, 1] - s * step[:, 0], step[:, 2]])
+        )
+    return np.concatenate(moves)
+
+
+def odometry(motion: RowMotion, driven: DrivenSet, robot: Robot) -> FloatArray:
+    """Pose by measured travel and nominal geometry, shape (N, 3), each run from its true start."""
+    out = np.zeros_like(motion.pose)
+    at = 0
+    for run in driven.runs:
+        rows = slice(at, at + len(run.run))
+        at += len(run.run)
+        dt = np.diff(run.row_times_s, prepend=run.row_times_s[0])[:, None]
+        moved = motion.speed_mps[rows] * dt
+        turn = (moved[:, 1] - moved[:, 0]) / robot.wheelbase_m
+        start = motion.pose[rows][0]
+        heading = start[2] + np.cumsum(turn)
+        middle = heading - 0.5 * turn
+        forward = moved.mean(axis=1)
+        out[rows] = np.column_stack(
+            [
+                start[0] + np.cumsum(forward * np.cos(middle)),
+                start[1] + np.cumsum(forward * np.sin(middle)),
+                heading,
+            ]
+        )
+    return out
+
+
+def pose_strength(
+    motion: RowMotion, driven: DrivenSet, robot: Robot, truth_mm: float, truth_mrad: float
+) -> float:
+    """S in the pose: what odometry misses in windows of a second, over the noise of a look from outside."""
+    seen = window_moves(motion.pose, motion.run)
+    believed = window_moves(odometry(motion, driven, robot), motion.run)
+    missed = np.sqrt(np.mean((seen - believed) ** 2, axis=0))
+    noise = np.sqrt(2.0) * np.array([truth_mm, truth_mm, truth_mrad]) * 1e-3
+    return float(np.max(missed / noise))
+
+
+def effect_energy(with_effect: Sequence[RowMotion], without: RowMotion) -> FloatArray:
+    """Squared difference between robots with and without an effect, shape (N, 2), (m/s)^2."""
+    energy: FloatArray = sum(
+        ((each.recorded_mps - without.recorded_mps) ** 2 for each in with_effect), start=np.zeros((1, 1))
+    )
+    return energy

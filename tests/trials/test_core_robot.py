@@ -1,0 +1,55 @@
+"""The core on this machine drives as the flashed image does, and the plant's plain robot is untouched."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil_sim import HiddenEffects, VirtualRobot
+from hil_sim.core import CoreRobot
+from truing.device import Device
+from truing.link.client import Client
+from truing.link.virtual_stream import VirtualStream
+from truing.plan import load_plan
+from truing.run_saver import fetch_log
+
+START_US = 3_050_250
+
+
+def log_of(robot: Any, plan_name: str) -> bytes:
+    """The bytes of a plan's log, started at one moment of virtual time whatever the upload took."""
+    plan = load_plan(plan_name)
+    with Device(Client(VirtualStream(robot))) as device:
+        sequence = device.upload(plan)
+        robot.run_us(START_US - robot.time_us)
+        log_id = device.start(sequence)
+        robot.run_us(round(plan.duration_s * 1e6) + 300_000)
+        return fetch_log(device, log_id).data
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        HiddenEffects(),
+        HiddenEffects().changed(driver__delay_s=0.05, disturbance__torque_nm=(0.01, 0.01),
+                                disturbance__correlation_s=0.2),
+        HiddenEffects().changed(bristle__coulomb_nm=(0.05, 0.04), bristle__breakaway_nm=(0.05, 0.05),
+                                bristle__bend_rad=1e-3, bristle__stribeck_radps=1.0),
+    ],
+    ids=["plain", "late and shaken", "bristles"],
+)  # fmt: skip
+def test_core_and_flashed_image_leave_the_same_log_byte_for_byte(
+    image: Path, native_library: Path, hidden: HiddenEffects
+) -> None:
+    with VirtualRobot(image, seed=3) as board, CoreRobot(seed=3) as core:
+        board.hide(hidden)
+        core.hide(hidden)
+        assert log_of(core, "paper/XVII") == log_of(board, "paper/XVII")
+
+
+def test_a_robot_with_nothing_hidden_is_the_plain_one(native_library: Path) -> None:
+    with CoreRobot(seed=5) as plain, CoreRobot(seed=5, hidden=HiddenEffects()) as asked:
+        assert log_of(plain, "paper/XI") == log_of(asked, "paper/XI")
+        assert plain.truth() == asked.truth()
