@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from truing.baseline import Baseline
 from truing.errors import IdentifyError
 from truing.model.excitation import Pieces, excitation
-from truing.recording import MOTION_PAIRS, WHEELS, FloatArray, RecordingSet, Run, SpeedSource
+from truing.recording import MOTION_PAIRS, WHEELS, RecordingSet, Run, SpeedSource
 
+FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 IntArray = NDArray[np.int64]
 
@@ -149,7 +150,7 @@ class SetData:
 
     def rows_of(self, run: int) -> BoolArray:
         """Rows of one run, shape (n,)."""
-        return self.run_of_row == run
+        return np.asarray(self.run_of_row == run)
 
     def acceleration_mps2(self) -> FloatArray:
         """Differenced measured speed, shape (n, 2), m/s^2; 0 at a segment's first two rows."""
@@ -219,7 +220,8 @@ def set_data(recordings: RecordingSet, baseline: Baseline | None = None) -> SetD
     assert effort is not None
     no_supply = np.zeros(len(t_s))
     pieces = tuple(
-        excitation(t_s, np.ascontiguousarray(effort[:, w]), no_supply, starts, interval_s).pieces for w in (0, 1)
+        excitation(t_s, np.ascontiguousarray(effort[:, w]), no_supply, starts, interval_s).pieces
+        for w in (0, 1)
     )
     speeds = [tuple(run.speed(wheel, baseline) for wheel in WHEELS) for run in runs]
     speed = both([(left.values, right.values) for left, right in speeds])

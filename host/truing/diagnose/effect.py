@@ -94,7 +94,7 @@ class Effect:
     units : units of reported parameters that are no parameter of the same name here.
     couples : it lets one wheel move the other, so that the wheels cannot be perturbed in one rollout.
     units : of contract parameters that `report` makes.
-    extends : the simpler effect that this one contains as a special case; it is named only where it is needed.
+    extends : the simpler effect that this one contains; it is named only where that one falls short.
     """
 
     name: str

@@ -6,6 +6,8 @@ to judge by; effects combine them in their `exercised`.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from truing.diagnose.data import BoolArray, FloatArray, SetData
@@ -79,10 +81,7 @@ def speed_levels(data: SetData, bands: int = 6) -> int:
     speed = np.abs(relative_speed(data))
     edges = np.linspace(0.0, 1.0, bands + 1)
     edges[0], edges[-1] = STILL_SHARE, np.inf
-    return sum(
-        seconds(data, (speed >= low) & (speed < high)) >= 1.0
-        for low, high in zip(edges[:-1], edges[1:], strict=True)
-    )
+    return sum(seconds(data, (speed >= low) & (speed < high)) >= 1.0 for low, high in pairwise(edges))
 
 
 def turns(data: SetData) -> float:
@@ -93,10 +92,10 @@ def turns(data: SetData) -> float:
 
 def both_driven(data: SetData) -> float:
     """Time for which both wheels are driven, s."""
-    return seconds(data, (np.abs(data.effort) > 0.05).all(axis=1))
+    return seconds(data, np.asarray((np.abs(data.effort) > 0.05).all(axis=1)))
 
 
 def one_driven(data: SetData) -> float:
     """Time for which one wheel alone is driven, s."""
     driven = np.abs(data.effort) > 0.05
-    return seconds(data, driven.any(axis=1) & ~driven.all(axis=1))
+    return seconds(data, np.asarray(driven.any(axis=1) & ~driven.all(axis=1)))

@@ -2,14 +2,15 @@
 
     dv/dt = -v / T_coast at zero effort, the baseline otherwise; friction keeps its force
 
-With the bridge open no current flows and back-EMF cannot brake; what is left is the viscous loss of bearings
-and grease, and with it a longer time constant (Hughes and Drury, Electric Motors and Drives, section 3.6).
+With the bridge open no current flows and back-EMF cannot brake; what is left is the viscous loss of
+bearings and grease, and with it a longer time constant (Hughes and Drury, Electric Motors and Drives,
+section 3.6).
 
-In data: every stop takes longer than a start; only rows with exactly zero effort are off, and a small effort of
-either sign behaves as the baseline says.
+In data: every stop takes longer than a start; only rows with exactly zero effort are off, and a small
+effort of either sign behaves as the baseline says.
 
-Easily taken for: dry friction with the wrong sign (the stop is too long rather than too short), a filter in the
-recorder. Stops by zero effort against stops by a small effort separate it.
+Easily taken for: dry friction with the wrong sign (the stop is too long rather than too short), a filter
+in the recorder. Stops by zero effort against stops by a small effort separate it.
 """
 
 from __future__ import annotations

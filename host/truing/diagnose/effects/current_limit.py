@@ -2,15 +2,16 @@
 
     T dv/dt = g (clip(u - v / g, ±limit)) while clipped, the baseline otherwise
 
-The motor's torque is u - v / g of its stall torque (the linear torque-speed line of a permanent-magnet motor,
-Hughes and Drury, Electric Motors and Drives, section 3.4); a chopper drive clips it.
+The motor's torque is u - v / g of its stall torque (the linear torque-speed line of a permanent-magnet
+motor, Hughes and Drury, Electric Motors and Drives, section 3.4); a chopper drive clips it.
 
-In data: accelerations never exceed limit g / T: a large step rises along a straight line before it turns into
-the exponential; small steps and steady speeds are right. A reversal at full effort asks for up to twice the
-stall torque and shows the limit first.
+In data: accelerations never exceed limit g / T: a large step rises along a straight line before it turns
+into the exponential; small steps and steady speeds are right. A reversal at full effort asks for up to
+twice the stall torque and shows the limit first.
 
-Easily taken for: hardly anything when it acts, since nothing else caps acceleration (wheel slip does so for the
-robot, not for the wheel); and not exercised by ordinary driving. A full-effort reversal settles it.
+Easily taken for: hardly anything when it acts, since nothing else caps acceleration (wheel slip does so
+for the robot, not for the wheel); and not exercised by ordinary driving. A full-effort reversal settles
+it.
 """
 
 from __future__ import annotations

@@ -2,14 +2,15 @@
 
     u = sign(command) max(|command| - d, 0)
 
-The dead zone of the textbooks (Slotine and Li, Applied Nonlinear Control, section 5.2), as bridges with dead
-time and switched drivers with a threshold have it.
+The dead zone of the textbooks (Slotine and Li, Applied Nonlinear Control, section 5.2), as bridges with
+dead time and switched drivers with a threshold have it.
 
-In data: no motion below d and all steady speeds short by g d, as with dry friction. But the wheel is not held:
-at zero effort it runs down exponentially and creeps towards zero, and pushing through zero costs nothing.
+In data: no motion below d and all steady speeds short by g d, as with dry friction. But the wheel is not
+held: at zero effort it runs down exponentially and creeps towards zero, and pushing through zero costs
+nothing.
 
-Easily taken for: Coulomb friction (77 to 93 %): steady speeds alone cannot tell them apart. A coast-down, zero
-effort from several speeds logged until standstill, does.
+Easily taken for: Coulomb friction (77 to 93 %): steady speeds alone cannot tell them apart. A coast-down,
+zero effort from several speeds logged until standstill, does.
 """
 
 from __future__ import annotations

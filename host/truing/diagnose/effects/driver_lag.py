@@ -3,14 +3,14 @@
     L du/dt = command - u,    T dv/dt = g u - v
 
 With the inductance this is the classical second-order motor, L = inductance over resistance (Franklin,
-Powell and Emami-Naeini, Feedback Control of Dynamic Systems, section 2.3); a driver that ramps or filters its
-duty cycle does the same with a longer time.
+Powell and Emami-Naeini, Feedback Control of Dynamic Systems, section 2.3); a driver that ramps or filters
+its duty cycle does the same with a longer time.
 
 In data: speed sets off with a rounded corner; the error after a step rises and falls within a few L.
 
-Easily taken for: a pure delay, which shifts the corner instead of rounding it; the recorder's speed filter,
-which is the same curve once more but leaves counts alone; a longer time constant. A chirp up to a few hertz or
-a step logged at 100 to 200 Hz separates it from a delay.
+Easily taken for: a pure delay, which shifts the corner instead of rounding it; the recorder's speed
+filter, which is the same curve once more but leaves counts alone; a longer time constant. A chirp up to a
+few hertz or a step logged at 100 to 200 Hz separates it from a delay.
 """
 
 from __future__ import annotations

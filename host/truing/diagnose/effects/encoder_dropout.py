@@ -2,19 +2,22 @@
 
     reported speed = v (1 - d (|v| / v_top)^n),   v_top the baseline's full-effort speed
 
-A counter that polls its inputs, or an interrupt that comes too late, misses edges once they follow too fast;
-what is lost is lost for good (Petrella, Tursini, Peretti and Zigliotto 2007, "Speed measurement algorithms for
-low-resolution incremental encoder equipped drives", ACEMP, on limits of counting). The exponent n is a nuisance: 1
-where losses grow evenly, 3 where they set in late.
+A counter that polls its inputs, or an interrupt that comes too late, misses edges once they follow too
+fast; what is lost is lost for good (Petrella, Tursini, Peretti and Zigliotto 2007, "Speed measurement
+algorithms for low-resolution incremental encoder equipped drives", ACEMP, on limits of counting). The
+exponent n is a nuisance: 1 where losses grow evenly, 3 where they set in late.
 
-In data: measured speeds bend down towards the top, and the travel is short by what was lost; against an outside
-pose the robot has gone farther than its encoders say.
+In data: measured speeds bend down towards the top, and the travel is short by what was lost; against an
+outside pose the robot has gone farther than its encoders say.
 
-Easily taken for: quadratic drag and a speed limit, which slow the robot down instead of its counts. An outside
-pose tells at once; otherwise a drop from full speed: drag brakes it faster, dropout recovers the lost counts.
+Easily taken for: quadratic drag and a speed limit, which slow the robot down instead of its counts. An
+outside pose tells at once; otherwise a drop from full speed: drag brakes it faster, dropout recovers the
+lost counts.
 """
 
 from __future__ import annotations
+
+import math
 
 from truing.diagnose import exercise
 from truing.diagnose.data import SetData
@@ -24,7 +27,7 @@ from truing.diagnose.effect import Effect, Parameter, per_wheel
 def measure(increment: float, own: float, exponent: float, dt: float, top: float) -> float:
     """Travel that is left after the lost counts."""
     share = min(abs(increment) / (dt * top), 1.5)
-    return increment * (1.0 - min(own * share**exponent, 1.0))
+    return increment * (1.0 - min(own * math.pow(share, exponent), 1.0))
 
 
 def ground(increment: float, own: float, exponent: float, dt: float, top: float) -> float:
@@ -32,7 +35,7 @@ def ground(increment: float, own: float, exponent: float, dt: float, top: float)
     true = increment
     for _ in range(6):
         share = min(abs(true) / (dt * top), 1.5)
-        true = increment / (1.0 - min(own * share**exponent, 0.9))
+        true = increment / (1.0 - min(own * math.pow(share, exponent), 0.9))
     return true
 
 

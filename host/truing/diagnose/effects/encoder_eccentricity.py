@@ -2,14 +2,16 @@
 
     measured angle = true angle + a sin φ + b cos φ,   φ the measured angle
 
-A disc that runs off its centre by e reads an angle wrong by e over the track's radius, as a sine of the angle
-(Doebelin, Measurement Systems, section 4.3 on digital transducers). Phase comes from the counts themselves.
+A disc that runs off its centre by e reads an angle wrong by e over the track's radius, as a sine of the
+angle (Doebelin, Measurement Systems, section 4.3 on digital transducers). Phase comes from the counts
+themselves.
 
-In data: the speed swings once per turn by an amount that grows with the speed; the robot's true motion does not.
+In data: the speed swings once per turn by an amount that grows with the speed; the robot's true motion
+does not.
 
-Easily taken for: torque ripple of N = 1, whose swing fades with speed while this one grows. The same distance at
-several speeds separates them. `per_run` is 1 where every run begins at the same wheel angle, and 0 where the
-wheel stays as the last run left it.
+Easily taken for: torque ripple of N = 1, whose swing fades with speed while this one grows. The same
+distance at several speeds separates them. `per_run` is 1 where every run begins at the same wheel angle,
+and 0 where the wheel stays as the last run left it.
 """
 
 from __future__ import annotations

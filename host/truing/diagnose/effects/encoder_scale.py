@@ -2,15 +2,16 @@
 
     reported travel = factor * travel
 
-A four-fold decoder set to two, a worn coupling, one channel dead: whole factors and odd ones occur (one of the
-real recordings here reads 34 to 67 % of the other side). With encoders and efforts alone a scale cannot be told
-from a gain, whatever the run: it takes an outside pose or yaw rate, or a baseline whose two sides must be equal.
+A four-fold decoder set to two, a worn coupling, one channel dead: whole factors and odd ones occur (one
+of the real recordings here reads 34 to 67 % of the other side). With encoders and efforts alone a scale
+cannot be told from a gain, whatever the run: it takes an outside pose or yaw rate, or a baseline whose
+two sides must be equal.
 
-In data: all speeds of one wheel off by one factor; an outside pose says that the robot went elsewhere than its
-encoders claim.
+In data: all speeds of one wheel off by one factor; an outside pose says that the robot went elsewhere
+than its encoders claim.
 
-Easily taken for: side asymmetry and wheel radius. An outside pose separates it from a weak side; nothing but a
-ruler separates counts from radius.
+Easily taken for: side asymmetry and wheel radius. An outside pose separates it from a weak side; nothing
+but a ruler separates counts from radius.
 """
 
 from __future__ import annotations

@@ -2,15 +2,16 @@
 
     dv/dt of both wheels - g_e sin(slope) cos(heading - uphill heading)
 
-Gravity's component along an inclined plane (any mechanics text; Wong, Theory of Ground Vehicles, section 3.1 on grade
-resistance); slopes are small, so that the sine is taken as the slope. It is fitted as the two components
-slope·cos(uphill) and slope·sin(uphill), in which it is linear.
+Gravity's component along an inclined plane (any mechanics text; Wong, Theory of Ground Vehicles, section
+3.1 on grade resistance); slopes are small, so that the sine is taken as the slope. It is fitted as the
+two components slope·cos(uphill) and slope·sin(uphill), in which it is linear.
 
-In data: the same efforts give less speed on one heading and more on the opposite one; at rest nothing, while friction
-holds; a robot that turns on the spot sways once per turn.
+In data: the same efforts give less speed on one heading and more on the opposite one; at rest nothing,
+while friction holds; a robot that turns on the spot sways once per turn.
 
-Easily taken for: direction asymmetry (29 %), when forward always meant uphill; an offset on one heading. The same
-path after a half turn separates them. On one heading alone it cannot be told from an offset in the driver.
+Easily taken for: direction asymmetry (29 %), when forward always meant uphill; an offset on one heading.
+The same path after a half turn separates them. On one heading alone it cannot be told from an offset in
+the driver.
 """
 
 from __future__ import annotations

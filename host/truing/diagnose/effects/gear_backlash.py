@@ -8,12 +8,12 @@ survey", Automatica 38, section 2), with a stiff shaft: in contact both move as 
 torque between them changes its sign. Touching and parting are solved as events. The motor's share m of the
 inertia is a nuisance; dry friction is taken as half on either side. The encoder sits on the motor's side.
 
-In data: after a reversal or a start the encoder leaps ahead for a few hundredths of a second, as long as the
-motor crosses the gap alone, then falls back as it picks the wheel up; a step in the direction of the last
-motion shows nothing. The leap's travel is the gap.
+In data: after a reversal or a start the encoder leaps ahead for a few hundredths of a second, as long as
+the motor crosses the gap alone, then falls back as it picks the wheel up; a step in the direction of the
+last motion shows nothing. The leap's travel is the gap.
 
-Easily taken for: a delay or lag (65 %), which appears at every step; encoder noise. A reversal step against a
-step in the same direction, logged fast, separates them.
+Easily taken for: a delay or lag (65 %), which appears at every step; encoder noise. A reversal step
+against a step in the same direction, logged fast, separates them.
 """
 
 from __future__ import annotations

@@ -2,16 +2,17 @@
 
     heading change + d * distance,   distance * (1 + k)
 
-The vehicle error model of the MOM Simulator View paper (section 4.2): systematic drift per metre and a scale of
-distance, found there by repeatedly driving a straight line. Distance may count with its sign (the path bends the same
-way over the ground backwards, as with unequal wheels) or without (casters, camber: the robot always turns left);
-`signed` is 1 or 0, a nuisance.
+The vehicle error model of the MOM Simulator View paper (section 4.2): systematic drift per metre and a
+scale of distance, found there by repeatedly driving a straight line. Distance may count with its sign
+(the path bends the same way over the ground backwards, as with unequal wheels) or without (casters,
+camber: the robot always turns left); `signed` is 1 or 0, a nuisance.
 
-In data: straight runs end aside of their line by an angle that grows with the distance; turns on the spot are right.
+In data: straight runs end aside of their line by an angle that grows with the distance; turns on the spot
+are right.
 
-Easily taken for: unequal wheel radii, which turn back on the way back. A straight run there and back separates the two
-unless the drift is signed: then they are one thing. Where only end points or the board's odometry exist, the reference
-is what was commanded: simulate the wheels too.
+Easily taken for: unequal wheel radii, which turn back on the way back. A straight run there and back
+separates the two unless the drift is signed: then they are one thing. Where only end points or the
+board's odometry exist, the reference is what was commanded: simulate the wheels too.
 """
 
 from __future__ import annotations

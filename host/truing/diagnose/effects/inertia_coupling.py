@@ -2,16 +2,18 @@
 
     dv_left/dt = α_left + c α_right,  dv_right/dt = α_right + c α_left,  α_i = (g (u_i - s F) - v_i) / T
 
-A body of mass M and yaw inertia J with wheels at ±b answers a force at one wheel with 1/M + b²/J there and
-1/M - b²/J at the other (Campion, Bastin and D'Andréa-Novel 1996, "Structural properties and classification of
-kinematic and dynamic models of wheeled mobile robots", IEEE Trans. Robotics and Automation 12, section V), so that
-c = (J - M b²) / (J + M b²): negative for a robot whose mass sits far out, positive for a compact one.
+A body of mass M and yaw inertia J with wheels at ±b answers a force at one wheel with 1/M + b²/J there
+and 1/M - b²/J at the other (Campion, Bastin and D'Andréa-Novel 1996, "Structural properties and
+classification of kinematic and dynamic models of wheeled mobile robots", IEEE Trans. Robotics and
+Automation 12, section V), so that c = (J - M b²) / (J + M b²): negative for a robot whose mass sits far
+out, positive for a compact one.
 
-In data: starting one wheel alone kicks the other; a straight start is quicker (or slower) than a turn on the spot at
-the same efforts; steady speeds are right.
+In data: starting one wheel alone kicks the other; a straight start is quicker (or slower) than a turn on
+the spot at the same efforts; steady speeds are right.
 
-Easily taken for: turning scrub, which also holds at steady speed; supply sag, which also couples the wheels but slows
-both. A step of one wheel while the other coasts separates them; straight runs alone cannot show it.
+Easily taken for: turning scrub, which also holds at steady speed; supply sag, which also couples the
+wheels but slows both. A step of one wheel while the other coasts separates them; straight runs alone
+cannot show it.
 """
 
 from __future__ import annotations

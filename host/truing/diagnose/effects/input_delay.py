@@ -6,13 +6,13 @@ Transport over buses, filters with linear phase and the hold of a controller all
 Murray, Feedback Systems, second edition, section 9.2). The kernel moves the input's edges, so that the
 result is a smooth function of D between the log's samples.
 
-In data: the first sample after a step shows too little motion and the curve then runs parallel; the error is
-a spike at every change of effort, of the same sign as the change, and nothing in between.
+In data: the first sample after a step shows too little motion and the curve then runs parallel; the error
+is a spike at every change of effort, of the same sign as the change, and nothing in between.
 
-Easily taken for: a driver's lag, which rounds the corner instead of moving it (87 to 90 % shared at 20 Hz); a
-recorder's filter; backlash, whose spike appears on reversals alone. From encoders and efforts alone an
-actuator's delay and a measuring delay are one thing. A chirp up to a few hertz, or one step logged at 100 Hz
-or more, separates delay from lag.
+Easily taken for: a driver's lag, which rounds the corner instead of moving it (87 to 90 % shared at 20
+Hz); a recorder's filter; backlash, whose spike appears on reversals alone. From encoders and efforts
+alone an actuator's delay and a measuring delay are one thing. A chirp up to a few hertz, or one step
+logged at 100 Hz or more, separates delay from lag.
 """
 
 from __future__ import annotations

@@ -2,14 +2,15 @@
 
     T after = r T before, from the moment `at` of the set on
 
-The time constant of a wheel drive is inertia over damping (Franklin, Powell and Emami-Naeini, Feedback Control of
-Dynamic Systems, section 2.1): a load lengthens it and leaves steady speeds alone. `at` counts from the set's first row,
-runs one right after the other.
+The time constant of a wheel drive is inertia over damping (Franklin, Powell and Emami-Naeini, Feedback
+Control of Dynamic Systems, section 2.1): a load lengthens it and leaves steady speeds alone. `at` counts
+from the set's first row, runs one right after the other.
 
-In data: from one moment on every start and stop is slower (or quicker) by the same share; steady speeds are as before.
+In data: from one moment on every start and stop is slower (or quicker) by the same share; steady speeds
+are as before.
 
-Easily taken for: winding heating, which comes slowly and takes steady speed as well; a wrong time constant, which is
-there from the start. The first run repeated as the last one separates it from both.
+Easily taken for: winding heating, which comes slowly and takes steady speed as well; a wrong time
+constant, which is there from the start. The first run repeated as the last one separates it from both.
 """
 
 from __future__ import annotations

@@ -2,8 +2,9 @@
 
     T dv/dt = g (u - c v |v|) - v
 
-The drag of air and of churned lubricant (Hoerner 1965, Fluid-Dynamic Drag, chapter 1); on small robots it is
-mostly grease, belts and brush-holders that this term stands for. c is the effort that balances it at 1 m/s.
+The drag of air and of churned lubricant (Hoerner 1965, Fluid-Dynamic Drag, chapter 1); on small robots it
+is mostly grease, belts and brush-holders that this term stands for. c is the effort that balances it at 1
+m/s.
 
 In data: speeds fall short of the straight line more and more towards the top, smoothly; coming down from
 high speed is quicker than going up would suggest; slow driving shows nothing of it.

@@ -2,15 +2,16 @@
 
     g_left / g_right = r_g,  T_left / T_right = r_T; the geometric means are the baseline's (refitted) numbers
 
-Manufacture scatters motor constants and gear friction by several per cent; a baseline that copies one wheel's
-numbers to the other leaves that out. The refit of such a baseline keeps its two wheels equal, and this effect
-unties them.
+Manufacture scatters motor constants and gear friction by several per cent; a baseline that copies one
+wheel's numbers to the other leaves that out. The refit of such a baseline keeps its two wheels equal, and
+this effect unties them.
 
 In data: the robot pulls to one side at equal efforts; every level of one wheel is off by the same share.
 
-Easily taken for: an encoder's scale, which nothing but an outside pose can tell from a gain; dry friction of one
-side, which takes the same amount off every level instead of the same share; direction asymmetry when the wheels
-run in opposite directions. Levels of both wheels in both directions separate the last two.
+Easily taken for: an encoder's scale, which nothing but an outside pose can tell from a gain; dry friction
+of one side, which takes the same amount off every level instead of the same share; direction asymmetry
+when the wheels run in opposite directions. Levels of both wheels in both directions separate the last
+two.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ EFFECT = Effect(
     looks_like="the robot pulls to one side at equal efforts; one wheel is off by the same share everywhere",
     separated_by={
         "encoder_scale": "an outside pose: a scaled encoder misreports the turn, a weak side really turns",
-        "coulomb_friction": "a staircase: friction takes the same amount off every level, a gain the same share",
+        "coulomb_friction": "a staircase: friction takes one amount off every level, a gain one share",
         "direction_asymmetry": "both wheels in both directions",
     },
     parameters=(

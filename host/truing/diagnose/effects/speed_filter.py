@@ -2,15 +2,17 @@
 
     L dy/dt = v - y;  the row holds the mean of y over its interval
 
-The robot is as the baseline says; the *signal* differs. Motor controllers average their speed over 50 to 200 ms
-(measured on real recordings: 60 ms on one family, 160 to 200 ms on another); a first-order lag stands for it.
-Only where the judged speed is a recorder's own column can this be: counts and positions have no filter. Where
-positions are logged as well, `direct_lag` compares the two without any model of the robot.
+The robot is as the baseline says; the *signal* differs. Motor controllers average their speed over 50 to
+200 ms (measured on real recordings: 60 ms on one family, 160 to 200 ms on another); a first-order lag
+stands for it. Only where the judged speed is a recorder's own column can this be: counts and positions
+have no filter. Where positions are logged as well, `direct_lag` compares the two without any model of the
+robot.
 
-In data: the reported speed sets off late and with a rounded corner, on the way up and down alike, also when the
-robot is pushed.
+In data: the reported speed sets off late and with a rounded corner, on the way up and down alike, also
+when the robot is pushed.
 
-Easily taken for: driver lag (the same curve) and delay; positions beside the speeds, or a hand-pushed run, tell.
+Easily taken for: driver lag (the same curve) and delay; positions beside the speeds, or a hand-pushed
+run, tell.
 """
 
 from __future__ import annotations

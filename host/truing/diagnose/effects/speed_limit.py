@@ -2,11 +2,12 @@
 
     T dv/dt = g u - v for |v| < limit;  v = ±limit while g u would take it beyond
 
-An ideal saturation of the speed (Åström and Hägglund, Advanced PID Control, section 3.5), as speed-limited
-drives and gear motors with a governor show it. The moment at which the limit is reached is solved as an event.
+An ideal saturation of the speed (Åström and Hägglund, Advanced PID Control, section 3.5), as speed-
+limited drives and gear motors with a governor show it. The moment at which the limit is reached is solved
+as an event.
 
-In data: the staircase of steady speeds is flat above a level; on the way up nothing is missing until the limit,
-and on the way down the wheel leaves it late.
+In data: the staircase of steady speeds is flat above a level; on the way up nothing is missing until the
+limit, and on the way down the wheel leaves it late.
 
 Easily taken for: quadratic drag (57 % on a full staircase, 5 % on ordinary driving), which bends instead of
 breaking off; supply sag. A staircase of effort to the top separates them.

@@ -53,6 +53,7 @@ def _exercised(data: SetData) -> float:
 
 
 EFFECT = Effect(
+    extends="coulomb_friction",
     name="stribeck_friction",
     title="breakaway (Stribeck) friction",
     equation="F(v) = F_run + (F_break - F_run) exp(-(v / v_s)^2)",
@@ -60,7 +61,7 @@ EFFECT = Effect(
     looks_like="the wheel sticks, then jumps; it runs on below the effort that started it",
     separated_by={
         "coulomb_friction": "slow ramps of effort through zero, several breakaways",
-        "driver_deadband": "slow ramps of effort up and down again: only friction keeps running on the way down",
+        "driver_deadband": "slow ramps of effort up and down: friction keeps running on the way down",
         "torque_ripple": "slow creep over several turns of the wheel",
     },
     parameters=(
@@ -68,7 +69,16 @@ EFFECT = Effect(
         Parameter("excess_left", "effort", 0.0, 0.6, 0.0, (0.03, 0.1), "left"),
         Parameter("excess_right", "effort", 0.0, 0.6, 0.0, (0.03, 0.1), "right"),
         Parameter(
-            "stribeck", "m/s", 0.002, 0.5, 0.05, (0.02, 0.08), scale="speed", log=True, nuisance=True, scan=True
+            "stribeck",
+            "m/s",
+            0.002,
+            0.5,
+            0.05,
+            (0.02, 0.08),
+            scale="speed",
+            log=True,
+            nuisance=True,
+            scan=True,
         ),
     ),
     report=_report,

@@ -1,18 +1,19 @@
 """The supply voltage falls with load current, and with the charge that has been drawn.
 
-    V = 1 - a L - b Q,   L = 1/2 sum over wheels of u (u V - v / g),   Q = charge drawn / charge drawn in the set
+    V = 1 - a L - b Q,   L = 1/2 sum over wheels of u (u V - v / g),   Q = share of the set's charge drawn
 
-A source with internal resistance feeding two pulse-width bridges: a bridge at duty u passes the share u of
-its motor's current on to the battery, and the motor's current is (u V - v / g) of its stall current (Linden,
-Handbook of Batteries, section 3.2; Mohan, Undeland and Robbins, Power Electronics, section 7.7). `a` is the
-drop with both motors stalled at full effort, `b` the drop from the set's first to its last moment.
+A source with internal resistance feeding two pulse-width bridges: a bridge at duty u passes the share u
+of its motor's current on to the battery, and the motor's current is (u V - v / g) of its stall current
+(Linden, Handbook of Batteries, section 3.2; Mohan, Undeland and Robbins, Power Electronics, section 7.7).
+`a` is the drop with both motors stalled at full effort, `b` the drop from the set's first to its last
+moment.
 
 In data: strong accelerations fall short while steady speeds hold; one wheel slows down when the other is
 loaded; the same effort gives less speed at the end of the set than at its start.
 
-Easily taken for: winding heating (the loss recovers in a pause; charge does not), quadratic drag (which does not
-couple the wheels), a current limit. One wheel alone against both at the same effort separates sag from all of
-these; so does the logged voltage.
+Easily taken for: winding heating (the loss recovers in a pause; charge does not), quadratic drag (which
+does not couple the wheels), a current limit. One wheel alone against both at the same effort separates
+sag from all of these; so does the logged voltage.
 """
 
 from __future__ import annotations
@@ -44,7 +45,8 @@ def slow(dt: FloatArray, draw: FloatArray, out: FloatArray) -> None:
 
 def _exercised(data: SetData) -> float:
     return min(
-        exercise.enough(exercise.effort_steps(data, 0.3), 4.0), exercise.enough(exercise.both_driven(data), 4.0)
+        exercise.enough(exercise.effort_steps(data, 0.3), 4.0),
+        exercise.enough(exercise.both_driven(data), 4.0),
     )
 
 
@@ -53,7 +55,7 @@ EFFECT = Effect(
     title="supply sag under load and discharge",
     equation="V = 1 - a L - b Q; L the load current over stall current, Q the share of the charge drawn",
     source="Linden, Handbook of Batteries, section 3.2; Mohan et al., Power Electronics, section 7.7",
-    looks_like="strong accelerations fall short, one wheel slows when the other is loaded, speeds fall over the set",
+    looks_like="strong accelerations fall short, one wheel slows as the other is loaded, speeds fall in time",
     separated_by={
         "winding_heating": "load, rest, repeat: heat recovers, charge does not; or the logged voltage",
         "quadratic_drag": "one wheel alone against both wheels at the same effort",

@@ -11,10 +11,10 @@ and the ripple's mean over each substep is taken exactly.
 In data: at creeping speed the wheel surges and hangs at the same angles in every turn; at speed the wheel's
 inertia smooths it away.
 
-Easily taken for: Stribeck friction (56 %); an eccentric encoder, which swings as much at speed as at creep.
-Slow creep over several turns, and the same distance at several speeds, separates them. Ripple whose frequency
-lies above half of the log's rate aliases: its N cannot be told then. `per_run` is 1 where every run begins at
-the same wheel angle, and 0 where the wheel stays as the last run left it.
+Easily taken for: Stribeck friction (56 %); an eccentric encoder, which swings as much at speed as at
+creep. Slow creep over several turns, and the same distance at several speeds, separates them. Ripple
+whose frequency lies above half of the log's rate aliases: its N cannot be told then. `per_run` is 1 where
+every run begins at the same wheel angle, and 0 where the wheel stays as the last run left it.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ EFFECT = Effect(
     looks_like="surges at the same wheel angles in every turn, at creeping speed above all",
     separated_by={
         "stribeck_friction": "slow creep over several turns of the wheel",
-        "encoder_eccentricity": "the same distance at several speeds: ripple fades with speed, eccentricity does not",
+        "encoder_eccentricity": "the same distance at several speeds: ripple fades, eccentricity does not",
         "gear_backlash": "creep in one direction, without reversals",
     },
     parameters=(

@@ -2,10 +2,10 @@
 
     left effort - S sign(v_left - v_right),  right effort + S sign(v_left - v_right)
 
-A robot that turns shears its tyres and swivels its caster; the moment that this costs is nearly constant, as
-dry friction is (Wong, Theory of Ground Vehicles, section 6.2 on skid steering; the paper of the MSRP robot
-measures 9.1 instead of 12.1 mm/s per per cent when one wheel pivots). The friction is set-valued: wheels of
-equal speed stay locked together until their efforts differ by more than it takes.
+A robot that turns shears its tyres and swivels its caster; the moment that this costs is nearly constant,
+as dry friction is (Wong, Theory of Ground Vehicles, section 6.2 on skid steering; the paper of the MSRP
+robot measures 9.1 instead of 12.1 mm/s per per cent when one wheel pivots). The friction is set-valued:
+wheels of equal speed stay locked together until their efforts differ by more than it takes.
 
 In data: turning on the spot and pivoting need more effort than driving straight; straight runs are right; a
 wheel that is not driven is dragged along by the other before it turns against it.

@@ -2,16 +2,16 @@
 
     travel over ground of each wheel = factor * measured travel
 
-Unequal wheel diameters are the first of the two systematic errors of odometry in Borenstein and Feng (1996,
-"Measurement and correction of systematic odometry errors in mobile robots", IEEE Trans. Robotics and Automation 12,
-section II): equal factors scale the distance, unequal ones bend every path.
+Unequal wheel diameters are the first of the two systematic errors of odometry in Borenstein and Feng
+(1996, "Measurement and correction of systematic odometry errors in mobile robots", IEEE Trans. Robotics
+and Automation 12, section II): equal factors scale the distance, unequal ones bend every path.
 
-In data: distances off by one share; a straight run bends by the same angle per metre, forwards and backwards along the
-same arc.
+In data: distances off by one share; a straight run bends by the same angle per metre, forwards and
+backwards along the same arc.
 
-Easily taken for: wheelbase error (which shows in turns only), heading drift (which does not reverse with the
-direction of travel), an encoder's scale (which nothing but a ruler tells from a radius). A straight run there and back,
-and turns on the spot both ways, separate the first two.
+Easily taken for: wheelbase error (which shows in turns only), heading drift (which does not reverse with
+the direction of travel), an encoder's scale (which nothing but a ruler tells from a radius). A straight
+run there and back, and turns on the spot both ways, separate the first two.
 """
 
 from __future__ import annotations

@@ -3,20 +3,22 @@
     rolling while |dv/dt| <= μ g_e;  sliding:  dv_robot/dt = ±μ g_e,
     (q T / g) dv_wheel/dt = u - v_wheel / g - s F ∓ (1 - q) μ g_e T / g
 
-Coulomb's law between tyre and ground (Wong, Theory of Ground Vehicles, section 1.2): the ground's force is all
-that accelerates the robot, and μ times the weight is all that the ground gives. What turns (wheel, gears, motor) is
-the share q of the inertia, a nuisance; sliding begins and ends as events. g_e is 9.81 m/s².
+Coulomb's law between tyre and ground (Wong, Theory of Ground Vehicles, section 1.2): the ground's force
+is all that accelerates the robot, and μ times the weight is all that the ground gives. What turns (wheel,
+gears, motor) is the share q of the inertia, a nuisance; sliding begins and ends as events. g_e is 9.81
+m/s².
 
-In data: after a large step the wheel's speed rises faster than the robot's mass allows, then waits for it; the pose
-falls behind the wheels' travel at hard starts and overshoots at hard stops; gentle driving shows nothing.
+In data: after a large step the wheel's speed rises faster than the robot's mass allows, then waits for
+it; the pose falls behind the wheels' travel at hard starts and overshoots at hard stops; gentle driving
+shows nothing.
 
-Easily taken for: a shorter time constant (gentle and hard steps tell), wheel radius error (which shows at every
-speed), current limit (which slows the wheel instead). Full-effort reversals with an outside pose separate them.
+Easily taken for: a shorter time constant (gentle and hard steps tell), wheel radius error (which shows at
+every speed), current limit (which slows the wheel instead). Full-effort reversals with an outside pose
+separate them.
 """
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
 from truing.diagnose.data import GRAVITY, SetData
 from truing.diagnose.effect import Effect, Parameter
 

@@ -2,14 +2,14 @@
 
     heading change = (right travel - left travel) / (factor * wheelbase)
 
-The second systematic error of odometry in Borenstein and Feng (1996, "Measurement and correction of systematic
-odometry errors in mobile robots", IEEE Trans. Robotics and Automation 12, section II): tyres touch the floor over an
-area, and where in it they turn is not what a ruler measures.
+The second systematic error of odometry in Borenstein and Feng (1996, "Measurement and correction of
+systematic odometry errors in mobile robots", IEEE Trans. Robotics and Automation 12, section II): tyres
+touch the floor over an area, and where in it they turn is not what a ruler measures.
 
 In data: every turn is off by the same share, left and right alike; straight runs are right.
 
-Easily taken for: wheel radius error of both wheels together (which also scales straight runs). Turns on the spot and a
-straight run of known length separate them.
+Easily taken for: wheel radius error of both wheels together (which also scales straight runs). Turns on
+the spot and a straight run of known length separate them.
 """
 
 from __future__ import annotations

@@ -12,8 +12,8 @@ resistance too (a motor whose losses are mostly outside the winding keeps its ga
 In data: the same level gives less speed the later it comes in a busy stretch, and recovers after a rest;
 each wheel by its own load.
 
-Easily taken for: discharge of the battery (85 to 93 %): only a rest tells, for heat recovers and charge does
-not. Load, rest, repeat; or log the voltage.
+Easily taken for: discharge of the battery (85 to 93 %): only a rest tells, for heat recovers and charge
+does not. Load, rest, repeat; or log the voltage.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ EFFECT = Effect(
     title="the motor's winding warms up",
     equation="T_th dθ/dt = i^2 - θ; gain falls by d θ / θ_max",
     source="Hughes and Drury, Electric Motors and Drives, section 1.7",
-    looks_like="the same level gives less speed the later it comes in a busy stretch, and recovers after a rest",
+    looks_like="a level gives less speed the later it comes in a busy stretch, and recovers after a rest",
     separated_by={
         "supply_sag": "load, rest, repeat: heat recovers, charge does not; or the logged voltage",
         "payload_change": "load, rest, repeat",

@@ -90,7 +90,8 @@ class _Writer:
             arguments.append("wheel")
         if hook in _WITH_ROW:
             arguments += ["row", "slows"]
-        arguments += [name for name in stage.context if name not in ("wheel", "slow", "state", "state_before")]
+        elsewhere = ("wheel", "slow", "state", "state_before")
+        arguments += [name for name in stage.context if name not in elsewhere]
         if hook == "measure":
             arguments += ["states", "states_before"]
         lines = ["@compiled", f"def {hook}({', '.join(arguments)}):", f"    value = {start}"]

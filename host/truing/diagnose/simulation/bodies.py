@@ -63,7 +63,7 @@ def _cluster(
 
 @compiled
 def start_bodies(b: FloatArray, w: int, v: float, keep_place: bool) -> None:
-    """All bodies at one speed; the gap's position stays what it was, or is unknown and taken as the middle."""
+    """All bodies at one speed; the place in the gap stays, or is unknown and taken as the middle."""
     b[MOTOR, w] = v
     b[WHEEL, w] = v
     b[ROBOT, w] = v

@@ -16,6 +16,7 @@ import math
 import numpy as np
 
 from truing.diagnose.data import FloatArray, IntArray
+from truing.diagnose.simulation import stubs as stage
 from truing.diagnose.simulation.bodies import (
     BODY_ROWS,
     GROUND,
@@ -24,13 +25,13 @@ from truing.diagnose.simulation.bodies import (
     advance_bodies,
     start_bodies,
 )
-from truing.diagnose.simulation import stubs as stage
 from truing.diagnose.simulation.jit import cached, compiled
 
 # Rows of the state, one column per wheel.
 SPEED, TRAVEL, DUTY, HEAT, DRAW, STATE_ROWS = 0, 1, 2, 3, 4, 5
 # Rows of the work array: what holds over one substep, one column per wheel.
-AT, LEVEL, RATE, HELD, DIRECTION, TARGET, MEAN, EFFORT, PUSH, LOSS, SLOPE, START, OWN, LIMITED, BRAKE = range(15)
+AT, LEVEL, RATE, HELD, DIRECTION, TARGET, MEAN, EFFORT, PUSH, LOSS, SLOPE = range(11)
+START, OWN, LIMITED, BRAKE = range(11, 15)
 WORK_ROWS = 15
 
 TINY_S = 1e-10
@@ -364,11 +365,10 @@ def step(
             current = k[EFFORT, w] - travel / (h * p[2 * w])
             x[HEAT, w] += current * current * h
             x[DRAW, 0] += 0.5 * k[MEAN, w] * current * h
-    if event_of == 3 or k[OWN, 1] != 0.0:
-        if k[HELD, 0] == 0.0 and k[HELD, 1] == 0.0:
-            common = 0.5 * (ends[0] + ends[1])
-            ends[0] = common
-            ends[1] = common
+    if (event_of == 3 or k[OWN, 1] != 0.0) and k[HELD, 0] == 0.0 and k[HELD, 1] == 0.0:
+        common = 0.5 * (ends[0] + ends[1])
+        ends[0] = common
+        ends[1] = common
     for w in range(2):
         if active & stage.USES_AFTER_STEP:
             stage.after_step(p, active, w, states, h, x[SPEED, w], ends[w])

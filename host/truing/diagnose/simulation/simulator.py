@@ -182,7 +182,7 @@ class SetSimulator:
             self.baseline.wheelbase_m or math.inf,
             out,
         )
-        return out[self._rows]
+        return np.asarray(out[self._rows])
 
     def windows(self, horizon_s: float = 1.0) -> Windows:
         """The windows that `pose_residuals` judges."""
@@ -204,7 +204,7 @@ class SetSimulator:
             motion = np.zeros((len(self.data), 3))
             motion[self._rows] = self.ground(theta, on)
         self._kernel.windowed_motion(motion, windows.first, windows.last, predicted)
-        return windows.measured - predicted
+        return np.asarray(windows.measured - predicted)
 
     def pose_runs(self, windows_per_block: int = 1, horizon_s: float = 1.0) -> IntArray:
         """Block number of each window of `pose_residuals`, shape (m,); no block spans two runs."""

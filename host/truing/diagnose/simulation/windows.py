@@ -54,8 +54,8 @@ def pose_windows(data: SetData, horizon_s: float) -> Windows:
 
     With few rows of truth (end points alone, say) a window reaches from one to the next.
     """
-    known = np.isfinite(data.truth).all(axis=1)
-    whole = np.isfinite(data.gyro_radps)
+    known = np.asarray(np.isfinite(data.truth).all(axis=1))
+    whole = np.asarray(np.isfinite(data.gyro_radps))
     firsts: list[int] = []
     lasts: list[int] = []
     runs: list[int] = []
