@@ -115,13 +115,15 @@ class _Page:
         lines += [sentence(str(check)) for check in self.diagnosis.checks if check.severity == "note"]
         noise = PlainTable(
             "The noise, as the recordings show it",
-            ["Signal", "Counting", "Disturbance", "Together", "Memory, ms", "Known from"],
-            [False, True, True, True, True, False],
+            ["Signal", "Counting", "Disturbance", "Together", "Memory, ms"],
+            [False, True, True, True, True],
         )
         for entry in self.diagnosis.noise:
             sizes = [amount(x, entry.unit) for x in (entry.quantisation, entry.disturbance, entry.rms)]
             memory = f"{1e3 * entry.correlation_s:.0f}" if math.isfinite(entry.correlation_s) else "–"
-            noise.rows.append([signal_words(entry.signal), *sizes, memory, entry.known_from])
+            noise.rows.append([signal_words(entry.signal), *sizes, memory])
+        sources = dict.fromkeys(entry.known_from for entry in self.diagnosis.noise)
+        noise.remarks = [sentence(f"known from {source}") for source in sources if source]
         tables = html_table(runs) + (html_table(noise) if noise.rows else "")
         return f"<h2>What was compared</h2>{_said(lines)}{tables}"
 

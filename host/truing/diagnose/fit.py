@@ -1,0 +1,92 @@
+"""Nested fits by free-run simulation error: a structure's numbers, its misfit, and what each may be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from truing.diagnose.problem import CLIP, Column, Problem, Residual
+from truing.identify.levenberg import minimise
+from truing.model.kernel import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """One structure, fitted.
+
+    Attributes
+    ----------
+    effects : added to the baseline, in the order in which they were added.
+    theta : shape (p,), the simulator's whole vector.
+    columns : the numbers that were free.
+    residual : model against recording there.
+    """
+
+    effects: tuple[str, ...]
+    theta: FloatArray
+    columns: tuple[Column, ...]
+    residual: Residual
+
+    @property
+    def cost(self) -> float:
+        """Sum of squared whitened residuals, clipped."""
+        flat = self.residual.flat()
+        return float(flat @ flat)
+
+    @property
+    def size(self) -> int:
+        """How many numbers were free."""
+        return len(self.columns)
+
+    def value(self, column: str) -> float:
+        """The fitted number of a column."""
+        for one in self.columns:
+            if one.name == column:
+                return float(self.theta[one.entries[0]])
+        raise KeyError(column)
+
+
+def fit(
+    problem: Problem,
+    effects: tuple[str, ...],
+    start: FloatArray,
+    *,
+    columns: tuple[Column, ...] | None = None,
+    iterations: int = 15,
+    tolerance: float = 1e-4,
+) -> Fit:
+    """Minimise the whitened residual over the structure's free numbers, from `start` (p,)."""
+    columns = problem.columns_of(effects) if columns is None else columns
+
+    def place(x: FloatArray) -> FloatArray:
+        theta = start.copy()
+        for value, column in zip(x, columns, strict=True):
+            theta[list(column.entries)] = value
+        return theta
+
+    def residual(x: FloatArray) -> FloatArray:
+        return problem.residual(place(x), effects).flat()
+
+    def jacobian(x: FloatArray, flat: FloatArray) -> FloatArray:
+        # d flat / d e of the clipped part is CLIP / |flat|.
+        slope = CLIP / np.maximum(np.abs(flat), CLIP)
+        return np.asarray(problem.jacobian(place(x), effects, columns) * slope[:, None])
+
+    first = np.array([start[column.entries[0]] for column in columns])
+    end = minimise(
+        residual,
+        jacobian,
+        first,
+        np.array([column.lower for column in columns]),
+        np.array([column.upper for column in columns]),
+        iterations=iterations,
+        tolerance=tolerance,
+    )
+    theta = place(end.theta)
+    return Fit(effects, theta, columns, problem.residual(theta, effects))
+
+
+def judge(problem: Problem, done: Fit) -> Fit:
+    """The same numbers on another problem (other rows, other noise)."""
+    return Fit(done.effects, done.theta, done.columns, problem.residual(done.theta, done.effects))

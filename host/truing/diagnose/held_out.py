@@ -1,0 +1,58 @@
+"""Errors on runs that a fit has not seen: the runs are divided before anything is fitted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from truing.diagnose.data import SetData
+from truing.diagnose.fit import Fit, fit
+from truing.diagnose.problem import Problem
+from truing.model.kernel import FloatArray, IntArray
+
+FOLDS = 4
+
+
+@dataclass(frozen=True, slots=True)
+class HeldOut:
+    """One structure on unseen rows.
+
+    Attributes
+    ----------
+    error : shape (n, 2), m/s, measured minus simulated by the fit that did not see the row's run.
+    pose : shape (m, 3), standard deviations, likewise.
+    """
+
+    error: FloatArray
+    pose: FloatArray
+
+    def rmse(self, counted: FloatArray, wheels: tuple[int, ...] = (0, 1)) -> float:
+        """Root mean square over counted rows of these wheels, m/s."""
+        weight = counted[:, list(wheels)] > 0.0
+        return float(np.sqrt(np.mean(self.error[:, list(wheels)][weight] ** 2))) if weight.any() else 0.0
+
+
+def folds_of(data: SetData) -> IntArray:
+    """Which part each row is judged in, shape (n,): runs dealt out in turn; a single run in quarters."""
+    if data.runs == 1:
+        quarter = np.minimum(np.arange(len(data)) * FOLDS // len(data), FOLDS - 1)
+        return np.asarray(quarter, dtype=np.int64)
+    return np.asarray(data.run_of_row % min(FOLDS, data.runs), dtype=np.int64)
+
+
+def held_out(problem: Problem, full: Fit, folds: IntArray, pose_folds: IntArray) -> HeldOut:
+    """Fit without each part in turn, starting from the fit to everything, and judge there."""
+    error = np.zeros_like(full.residual.speeds)
+    pose = np.zeros_like(full.residual.pose)
+    for part in np.unique(folds):
+        seen = problem.restricted(
+            problem.counted * (folds != part)[:, None], problem.pose_counted * (pose_folds != part)
+        )
+        refit = fit(seen, full.effects, full.theta, columns=full.columns, iterations=6, tolerance=1e-3)
+        rows = folds == part
+        error[rows] = (problem.data.speed_mps - refit.residual.speeds)[rows]
+        if len(pose):
+            windows = pose_folds == part
+            pose[windows] = problem.residual(refit.theta, refit.effects).pose[windows]
+    return HeldOut(error, pose)

@@ -1,0 +1,147 @@
+"""From fits to a verdict: what is accused, what is left in doubt, and when to say that nothing fits.
+
+Every limit here is a size or a certainty that a reader can state; none belongs to one effect. A wrong
+accusation costs more than an honest doubt, so an effect is named when it is sure (log-likelihood paid for
+every number, and standard errors over blocks of time) *and* large enough to matter beside the noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from truing.diagnose.adequacy import Structure
+from truing.diagnose.catalogue import CATALOGUE
+from truing.diagnose.fit import Fit, judge
+from truing.diagnose.problem import Problem
+from truing.diagnose.result import Verdict
+from truing.diagnose.search import Search
+
+# An effect is accused beyond this many nats, also without the moment that speaks for it most. With 27
+# effects of up to four numbers tried, 10 nats come by chance less than once in a thousand sets.
+SURE_GAIN = 10.0
+LEAST_FIRST = 0.2
+# A second effect must be worth more: a first one that is finer than its equation leaves a remainder.
+LEAST_SECOND, SECOND_SHARE = 0.4, 0.15
+# Another explanation is a rival unless it is worse by this much.
+RIVAL_GAIN, RIVAL_TIMES = 6.0, 0.15
+MOST_RIVALS = 3
+# What a flexible model still foretells is unexplained beyond these.
+LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.35, 3.0, 0.3
+# The baseline's numbers are off beyond this RMS over noise.
+OFF_TIMES = 0.15
+
+
+@dataclass(frozen=True)
+class Reasoning:
+    """Everything that a verdict rests on.
+
+    Attributes
+    ----------
+    best : the model to show: the baseline refitted, or with effects.
+    rivals : other fits that explain as well, best first.
+    left : what a flexible model foretells of what `best` leaves over.
+    """
+
+    search: Search
+    verdict: Verdict
+    given: Fit
+    base: Fit
+    best: Fit
+    rivals: tuple[Fit, ...]
+    left: Structure
+    tried: tuple[str, ...]
+    confidence: float
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def problem(self) -> Problem:
+        """Recordings and noise."""
+        return self.search.problem
+
+
+def reason(search: Search, tried: list[str], structure_of: object) -> Reasoning:
+    """Weigh the fits of a search."""
+    problem, base = search.problem, search.fits[()]
+    start = problem.simulator.start()
+    given = Fit((), start, (), problem.residual(start, ()))
+    best = choose(search, base)
+    left = structure_of(problem, best)  # type: ignore[operator]
+    rivals = rivals_of(search, best) if best.effects else ()
+    strength = search.better(best, base).times_noise if best.effects else 0.0
+    if remains(left, strength):
+        verdict: Verdict = "unexplained"
+    elif best.effects:
+        verdict = "ambiguous" if rivals else "missing_physics"
+    else:
+        off = search.better(base, given)
+        moved = off.gain > SURE_GAIN and off.times_noise > OFF_TIMES
+        verdict = "parameters_only" if moved else "consistent"
+    return Reasoning(search, verdict, given, base, best, rivals, left, tuple(tried), confidence(search, best))
+
+
+def choose(search: Search, base: Fit) -> Fit:
+    """The baseline, the best single effect, or the best two."""
+    best = base
+    singles, pairs = search.ranked(1), search.ranked(2)
+    if singles and accused(search, singles[0], base, LEAST_FIRST):
+        best = singles[0]
+    for pair in pairs[:1]:
+        parts = [search.fits[(name,)] for name in pair.effects if (name,) in search.fits]
+        strength = search.better(singles[0], base).times_noise
+        least = max(LEAST_SECOND, SECOND_SHARE * strength)
+        if all(accused(search, pair, part, least) for part in (*parts, singles[0])):
+            best = pair
+    return best
+
+
+def accused(search: Search, one: Fit, other: Fit, least: float) -> bool:
+    """Whether `one` is surely and materially better."""
+    more = search.better(one, other)
+    return more.spread > SURE_GAIN and more.times_noise > least
+
+
+def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
+    """Fits with as many effects that the recordings cannot tell from the best, best first."""
+    out = []
+    for other in search.ranked(len(best.effects)):
+        if set(other.effects) == set(best.effects):
+            continue
+        ahead = search.better(best, other)
+        close = ahead.spread < RIVAL_GAIN or ahead.times_noise < RIVAL_TIMES
+        if close and not _only_richer(search, best, other):
+            out.append(other)
+    return tuple(out[: MOST_RIVALS - 1])
+
+
+def _only_richer(search: Search, best: Fit, other: Fit) -> bool:
+    """Whether the other says the same with more numbers that it does not need."""
+    new = [name for name in other.effects if name not in best.effects]
+    old = [name for name in best.effects if name not in other.effects]
+    if len(new) != 1 or len(old) != 1 or CATALOGUE[new[0]].extends != old[0]:
+        return False
+    return search.better(best, other).gain > -SURE_GAIN
+
+
+def remains(left: Structure, strength: float) -> bool:
+    """Whether structure is left that matters, beside the noise and beside what was explained."""
+    times = left.times_noise
+    sure = left.share > LEFT_ERRORS * left.error
+    return bool(np.any(sure & (times > max(LEFT_TIMES, LEFT_SHARE * strength))))
+
+
+def confidence(search: Search, best: Fit) -> float:
+    """Share of the likelihood, tempered: the models are no exact truths."""
+    if not best.effects:
+        return 0.98
+    worse = [
+        max(search.better(best, other).gain, 0.0)
+        for other in search.ranked(len(best.effects))
+        if set(other.effects) != set(best.effects)
+    ]
+    weights = np.exp(-0.5 * np.minimum(np.array([0.0, *worse]), 60.0))
+    return float(min(0.99, weights[0] / weights.sum()))
+
+
+__all__ = ["Reasoning", "judge", "reason"]

@@ -1,0 +1,323 @@
+"""From reasoning to the answer that a user gets: effects with intervals, places, errors on unseen runs."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from truing.diagnose.applicable import not_exercised, weakly_exercised
+from truing.diagnose.catalogue import CATALOGUE
+from truing.diagnose.checks import DataChecks
+from truing.diagnose.compare import differences
+from truing.diagnose.fit import Fit
+from truing.diagnose.held_out import HeldOut, folds_of, held_out
+from truing.diagnose.intervals import covariance, effect_parameters
+from truing.diagnose.locate import wheel_spans
+from truing.diagnose.pose_windows import pose_folds, pose_rmse, pose_spans, pose_traces
+from truing.diagnose.problem import Problem
+from truing.diagnose.result import (
+    Diagnosis,
+    EffectParameter,
+    Explanation,
+    FitErrors,
+    MismatchSpan,
+    NamedEffect,
+    RankedEffect,
+    Scope,
+    SignalNoise,
+    Split,
+    WheelNumbers,
+)
+from truing.diagnose.traces import RunTraces
+from truing.diagnose.verdict import Reasoning
+from truing.model.kernel import FloatArray, IntArray
+from truing.recording import WHEELS, RecordingSet
+
+SIGNALS = ("vel_left_mps", "vel_right_mps")
+# A signal whose mismatch is below this many times its noise is no place.
+LEAST_PLACE = 0.15
+
+
+def write_up(recordings: RecordingSet, reasoning: Reasoning, checks: DataChecks | None = None) -> Diagnosis:
+    """Fill every field of the answer but the next experiment and the board's compensation."""
+    problem, data = reasoning.problem, reasoning.problem.data
+    folds = folds_of(data)
+    windows = pose_folds(problem, folds)
+    named = reasoning.verdict in ("missing_physics", "ambiguous")
+    shown = reasoning.best if named else reasoning.base
+    unseen_base = held_out(problem, reasoning.base, folds, windows)
+    unseen = (
+        {id(fit): held_out(problem, fit, folds, windows) for fit in _explanations(reasoning)} if named else {}
+    )
+    unseen_shown = unseen.get(id(shown), unseen_base)
+    spread = covariance(problem, shown)
+    return Diagnosis(
+        name=recordings.name,
+        verdict=reasoning.verdict,
+        runs=data.names,
+        fit=_errors(reasoning, shown),
+        effects=_effects(reasoning, unseen_base, unseen) if named else (),
+        mismatch=_places(reasoning),
+        not_exercised=not_exercised(data),
+        weakly_exercised=weakly_exercised(data),
+        pose_fit=_pose_errors(reasoning, shown),
+        confidence=reasoning.confidence,
+        notes=reasoning.notes,
+        checks=() if checks is None else checks.checks,
+        ranking=_ranking(reasoning),
+        noise=_noise(problem),
+        splits=_splits(problem, folds, unseen_base, unseen_shown),
+        numbers=_numbers(reasoning, shown, spread),
+        explanations=tuple(
+            Explanation(fit.effects, fit.theta, reasoning.confidence)
+            for fit in (_explanations(reasoning) if named else [reasoning.base])
+        ),
+        traces=_traces(reasoning, shown),
+    )
+
+
+def _explanations(reasoning: Reasoning) -> list[Fit]:
+    return [reasoning.best, *reasoning.rivals]
+
+
+def _effects(reasoning: Reasoning, before: HeldOut, after: dict[int, HeldOut]) -> tuple[NamedEffect, ...]:
+    problem = reasoning.problem
+    out: list[NamedEffect] = []
+    explanations = _explanations(reasoning)
+    for number, done in enumerate(explanations):
+        spread = covariance(problem, done)
+        others = [one for one in explanations if one is not done]
+        for name in sorted(done.effects, key=lambda name: -_weight(problem, done, name)):
+            if any(known.name == name for known in out):
+                continue
+            alternatives = sorted(
+                {rival for one in others if name not in one.effects for rival in one.effects}
+                - set(done.effects)
+            )
+            parameters = effect_parameters(problem, done, name, spread)
+            scope, wheels = scope_of(name, parameters)
+            pose = max(_differences_without(problem, done, name)[:2]) < LEAST_PLACE and len(
+                problem.pose_counted
+            )
+            unseen = after[id(done)]
+            errors = (
+                (pose_rmse(problem, before.pose), pose_rmse(problem, unseen.pose))
+                if pose
+                else (before.rmse(problem.counted, wheels), unseen.rmse(problem.counted, wheels))
+            )
+            out.append(
+                NamedEffect(
+                    name,
+                    scope,
+                    parameters,
+                    reasoning.confidence
+                    if number == 0
+                    else (1.0 - reasoning.confidence) / max(len(others), 1),
+                    *errors,
+                    indistinguishable_from=tuple(alternatives),
+                    domain="pose" if pose else "wheel",
+                    unit="m" if pose else "m/s",
+                    explanation=number,
+                )
+            )
+    return tuple(out)
+
+
+def _weight(problem: Problem, done: Fit, name: str) -> float:
+    return max(_differences_without(problem, done, name))
+
+
+def without(problem: Problem, done: Fit, name: str) -> Fit:
+    """The same numbers with one effect switched off."""
+    left = tuple(other for other in done.effects if other != name)
+    return Fit(left, done.theta, done.columns, problem.residual(done.theta, left))
+
+
+def _differences_without(problem: Problem, done: Fit, name: str) -> tuple[float, float, float]:
+    return differences(problem, done, without(problem, done, name))
+
+
+def scope_of(name: str, parameters: dict[str, EffectParameter]) -> tuple[Scope, tuple[int, ...]]:
+    """Whom an effect concerns: a wheel whose own numbers' intervals exclude nothing, both, or the body."""
+    effect = CATALOGUE[name]
+    sides: set[str] = set()
+    sided = False
+    for parameter in effect.parameters:
+        if parameter.wheel is None:
+            continue
+        sided = True
+        for key, value in parameters.items():
+            if parameter.wheel not in key:
+                continue
+            low, high = value.ci95
+            nothing = parameter.off
+            if not low <= nothing <= high and abs(value.value - nothing) > 0.0:
+                sides.add(parameter.wheel)
+    if not sided:
+        return "body", (0, 1)
+    if sides == {"left"}:
+        return "left", (0,)
+    if sides == {"right"}:
+        return "right", (1,)
+    return "both", (0, 1)
+
+
+def _errors(reasoning: Reasoning, shown: Fit) -> FitErrors:
+    problem = reasoning.problem
+
+    def rmse(done: Fit) -> float:
+        error = (problem.data.speed_mps - done.residual.speeds)[problem.counted > 0.0]
+        return float(np.sqrt(np.mean(error**2)))
+
+    floor = float(np.sqrt(np.mean(problem.noise.rms**2)))
+    return FitErrors(rmse(reasoning.given), rmse(reasoning.base), rmse(shown), floor)
+
+
+def _pose_errors(reasoning: Reasoning, shown: Fit) -> FitErrors | None:
+    problem = reasoning.problem
+    if not len(problem.pose_counted):
+        return None
+    floor = pose_rmse(problem, np.ones_like(shown.residual.pose))
+    given, refit, model = (
+        pose_rmse(problem, done.residual.pose) for done in (reasoning.given, reasoning.base, shown)
+    )
+    return FitErrors(given, refit, model, floor, "m")
+
+
+def _places(reasoning: Reasoning) -> tuple[MismatchSpan, ...]:
+    problem = reasoning.problem
+    if reasoning.verdict in ("consistent", "parameters_only"):
+        return ()
+    spans: list[MismatchSpan] = []
+    if reasoning.verdict == "unexplained":
+        spans += wheel_spans(problem.data, unexplained_shape(reasoning), problem.noise.rms, LEAST_PLACE)
+        return tuple(spans)
+    for name in reasoning.best.effects:
+        bare = without(problem, reasoning.best, name)
+        shape = reasoning.best.residual.speeds - bare.residual.speeds
+        spans += wheel_spans(problem.data, shape, problem.noise.rms, LEAST_PLACE)
+        spans += pose_spans(problem, reasoning.best.residual.pose - bare.residual.pose, LEAST_PLACE)
+    return tuple(spans)
+
+
+def unexplained_shape(reasoning: Reasoning) -> FloatArray:
+    """What stands out of the baseline's residual: the part that a flexible model foretells, shape (n, 2)."""
+    from truing.diagnose.engine import structure_of
+
+    return structure_of(reasoning.problem, reasoning.base).foretold
+
+
+def _ranking(reasoning: Reasoning) -> tuple[RankedEffect, ...]:
+    search = reasoning.search
+    base = search.fits[()]
+    fitted = [
+        RankedEffect(
+            done.effects,
+            search.promised.get(tuple(sorted(done.effects)), math.nan),
+            search.better(done, base).gain,
+            True,
+            parameters=done.size - base.size,
+            note=f"bends the speeds by {search.better(done, base).times_noise:.2f} of the noise",
+        )
+        for names, done in search.fits.items()
+        if names
+    ]
+    fitted.sort(key=lambda entry: -entry.improvement)
+    rest = [
+        RankedEffect(names, gain, math.nan, False, note="the screen promised too little")
+        for names, gain in search.promised.items()
+        if names not in search.fits and len(names) == 1
+    ]
+    return tuple(fitted) + tuple(sorted(rest, key=lambda entry: -entry.score))
+
+
+def _noise(problem: Problem) -> tuple[SignalNoise, ...]:
+    data = problem.data
+    quantisation = data.resolution_mps / math.sqrt(6.0)
+    out = []
+    for wheel in range(2):
+        rms = float(problem.noise.rms[wheel])
+        out.append(
+            SignalNoise(
+                SIGNALS[wheel],
+                quantisation,
+                math.sqrt(max(rms**2 - quantisation**2, 0.0)),
+                rms,
+                problem.noise.memory(wheel, float(np.median(data.interval_s))),
+                "what a flexible model of inputs and state does not foretell on runs it did not see",
+            )
+        )
+    return tuple(out)
+
+
+def _splits(problem: Problem, folds: IntArray, before: HeldOut, after: HeldOut) -> tuple[Split, ...]:
+    data = problem.data
+    floor = float(np.sqrt(np.mean(problem.noise.rms**2)))
+    out = []
+    for part in np.unique(folds):
+        rows = folds == part
+        counted = problem.counted * rows[:, None]
+        judged = [data.names[run] for run in np.unique(data.run_of_row[rows])]
+        fitted = [data.names[run] for run in np.unique(data.run_of_row[~rows])]
+        out.append(Split(tuple(fitted), tuple(judged), before.rmse(counted), after.rmse(counted), floor))
+    return tuple(out)
+
+
+def _numbers(reasoning: Reasoning, shown: Fit, spread: FloatArray) -> tuple[WheelNumbers, ...]:
+    layout = reasoning.problem.simulator.layout
+    out = []
+    kinds = (("gain", "gain_mps", "m/s"), ("tau", "time_constant_s", "s"))
+    for wheel in WHEELS:
+        for kind, name, unit in kinds:
+            entry = layout.index(f"{kind}_{wheel}")
+            half = 0.0
+            for k, column in enumerate(shown.columns):
+                if entry in column.entries:
+                    half = 1.96 * math.sqrt(max(float(spread[k, k]), 0.0))
+            value = float(shown.theta[entry])
+            out.append(
+                WheelNumbers(
+                    wheel,
+                    name,
+                    unit,
+                    float(reasoning.given.theta[entry]),
+                    float(reasoning.base.theta[entry]),
+                    EffectParameter(value, (value - half, value + half), unit),
+                )
+            )
+    return tuple(out)
+
+
+def _traces(reasoning: Reasoning, shown: Fit) -> tuple[RunTraces, ...]:
+    problem, data = reasoning.problem, reasoning.problem.data
+    out = []
+    for run, name in enumerate(data.names):
+        rows = data.rows_of(run)
+        if not rows.any():
+            continue
+        out.append(
+            RunTraces(
+                name,
+                data.t_s[rows],
+                data.dt_s[rows],
+                data.effort[rows],
+                data.speed_mps[rows],
+                reasoning.given.residual.speeds[rows],
+                reasoning.base.residual.speeds[rows],
+                shown.residual.speeds[rows],
+                np.broadcast_to(problem.noise.rms, (int(rows.sum()), 2)).copy(),
+                problem.counted[rows] > 0.0,
+                None if data.angle_rad is None else data.angle_rad[rows],
+                None if data.heading_rad is None else data.heading_rad[rows],
+                float(data.elapsed_s[rows][0]),
+                pose_traces(
+                    problem,
+                    run,
+                    reasoning.given.residual.pose,
+                    reasoning.base.residual.pose,
+                    shown.residual.pose,
+                ),
+            )
+        )
+    return tuple(out)
