@@ -163,7 +163,10 @@ def ambiguous() -> Diagnosis:
 
 
 def parameters_only() -> Diagnosis:
-    return missing_physics(verdict="parameters_only", effects=(), mismatch=(), ranking=(), notes=())
+    fit = FitErrors(0.051, 0.012, 0.012, NOISE_MPS)
+    return missing_physics(
+        verdict="parameters_only", effects=(), mismatch=(), ranking=(), notes=(), fit=fit
+    )
 
 
 def consistent() -> Diagnosis:

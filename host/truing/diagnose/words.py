@@ -19,6 +19,8 @@ HEADINGS: dict[Verdict, str] = {
 _SMALLER = {"s": ("ms", 1e3), "m/s": ("mm/s", 1e3), "m": ("mm", 1e3)}
 _UNIT_WORDS = {"effort": "of full effort", "1": "", "fraction": "", "factor": "", "ratio": ""}
 MOST_PLACES = 4
+# A calm verdict beside an error this many times the noise floor deserves a warning.
+MUCH_LEFT = 1.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +192,12 @@ def place_lines(diagnosis: Diagnosis) -> list[str]:
 def doubt_lines(diagnosis: Diagnosis) -> list[str]:
     """Rivals, what the data hide, and what looks wrong with them."""
     lines = list(map(sentence, diagnosis.notes))
+    fit, calm = diagnosis.fit, diagnosis.verdict in ("consistent", "parameters_only")
+    if calm and fit.refit_rmse > MUCH_LEFT * fit.noise_floor:
+        lines.append(
+            f"The refitted error is still {fit.refit_rmse / fit.noise_floor:.1f} times the noise floor, and "
+            "nothing that was tried lowers it surely: take this verdict with care."
+        )
     lines += [sentence(str(check)) for check in diagnosis.checks if check.severity == "doubt"]
     if diagnosis.not_exercised:
         titles = sorted(effect_title(name) for name in diagnosis.not_exercised)
@@ -212,7 +220,8 @@ def next_lines(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.verdict in ("missing_physics", "parameters_only"):
         lines.append("Write the corrected model with --export, for example --export toml:model.toml.")
     if diagnosis.compensation is not None and diagnosis.compensation.parameters:
-        names = ", ".join(diagnosis.compensation.parameters)
+        every = list(diagnosis.compensation.parameters)
+        names = ", ".join(every) if len(every) <= 4 else f"{every[0]} and {len(every) - 1} more"
         lines.append(
             f"The board can counter it ({names}): --export params:board.toml, then "
             "`truing params load --file board.toml`."

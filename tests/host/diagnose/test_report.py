@@ -45,6 +45,13 @@ def test_numbers_that_are_off_are_said_with_what_they_should_be() -> None:
     assert "Right gain" not in text, "a number inside its interval is not off"
 
 
+def test_a_calm_verdict_beside_a_large_error_warns() -> None:
+    calm = diagnoses.parameters_only()
+    assert "with care" not in said(calm)
+    left = replace(calm, fit=replace(calm.fit, refit_rmse=0.03))
+    assert "still 2.7 times the noise floor" in said(left)
+
+
 def test_rivals_are_named_in_the_headline_with_the_run_that_settles_it() -> None:
     diagnosis = diagnoses.ambiguous()
     assert "dry friction or a dead band" in headline(diagnosis)
