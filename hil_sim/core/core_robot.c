@@ -95,8 +95,8 @@ static void drive(struct core_robot *robot, int wheel)
 {
     const int32_t effort = robot->board.effort_e4[wheel];
     const int32_t size = effort < 0 ? -effort : effort;
-    const double low =
-        (double)(PWM_COUNTS - (size * PWM_COUNTS + EFFORT_FULL / 2) / EFFORT_FULL) / PWM_COUNTS;
+    const int32_t driven = (size * PWM_COUNTS + EFFORT_FULL / 2) / EFFORT_FULL; /* whole timer counts */
+    const double low = (double)(PWM_COUNTS - driven) / PWM_COUNTS;
     plant_set_bridge(robot->plant, wheel, effort < 0 ? low : 1.0, effort > 0 ? low : 1.0);
 }
 
