@@ -127,7 +127,7 @@ def test_derivatives_of_both_wheels_come_from_one_simulation() -> None:
     for k, place in enumerate([0, 2, *places]):
         alone = simulator.jacobian(theta, on, [place])[:, :, 0]
         # A stop of one wheel cuts the other's substep too, and what is left below 1e-10 s is dropped;
-        # over the step of 3e-6 that friction's difference takes, that is the fifth decimal of gains near 1.45.
+        # over the step of 3e-6 that friction's difference takes, that is the fifth decimal of a gain of 1.45.
         np.testing.assert_allclose(together[:, :, k], alone, atol=1e-4)
 
 
