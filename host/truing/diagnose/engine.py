@@ -86,14 +86,15 @@ def investigate(data: SetData, say: Progress, jobs: int) -> Reasoning:
     names = applicable_effects(data)
     stage = first_look(data, simulator)
     say(0.1)
-    search = Search(stage.problem, jobs, {(): stage.base})
-    search.beside(stage.base, names, MOST_SINGLES)
+    search = Search.around(stage.problem, stage.base, names, jobs)
+    say(0.2)
+    search.beside(stage.base, MOST_SINGLES)
     say(0.45)
     search = sharpened(search, count=1)
     say(0.55)
     best = search.ranked(1)[:2]
     for anchor in best:
-        search.beside(anchor, names, MOST_PAIRS)
+        search.beside(anchor, MOST_PAIRS)
         say(0.7 if anchor is best[0] else 0.8)
     if search.ranked(2):
         search = sharpened(search, count=2)

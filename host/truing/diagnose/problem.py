@@ -92,6 +92,20 @@ class Problem:
         scaled = raw / self.pose_sigma * self.pose_counted[:, None]
         return np.asarray(np.where(np.isfinite(scaled), scaled, 0.0))
 
+    def raw_pose(self, theta: FloatArray, effects: tuple[str, ...]) -> FloatArray:
+        """Pose residuals (m, 3) in m, m, rad; zero where nothing was measured."""
+        if not len(self.pose_counted):
+            return np.zeros((0, 3))
+        raw = self.simulator.pose_residuals(theta, self.masks(effects), POSE_HORIZON_S)
+        return np.asarray(np.where(np.isfinite(raw), raw, 0.0))
+
+    def flattened(self, speeds: FloatArray, pose: FloatArray) -> FloatArray:
+        """Changes of speeds (n, 2, k) and of the pose (m, 3, k) as columns beside the flat residual."""
+        width = speeds.shape[2]
+        white = self.whiten(speeds).reshape(-1, width)
+        scaled = pose / self.pose_sigma[:, None] * self.pose_counted[:, None, None]
+        return np.concatenate((white, scaled.reshape(-1, width)))
+
     def jacobian(
         self, theta: FloatArray, effects: tuple[str, ...], columns: tuple[Column, ...]
     ) -> FloatArray:

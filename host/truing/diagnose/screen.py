@@ -9,6 +9,7 @@ which effects are worth one.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,27 @@ from truing.model.kernel import FloatArray
 
 # A first-order answer is believed between these multiples of the trial amplitude.
 LEAST_SCALE, LARGEST_SCALE = 0.15, 4.0
+# A second start is worth a try when it promises this share of what the first does.
+LEAST_OF_BEST = 0.6
 SIDES = ("left", "right")
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """How an effect at one set of starting values bends what the refitted baseline says.
+
+    Attributes
+    ----------
+    values : the effect's parameters.
+    owners : names of the parameters that scale together, one group for each shape.
+    speeds : shape (n, 2, owners), m/s.
+    pose : shape (m, 3, owners), m, m, rad.
+    """
+
+    values: dict[str, float]
+    owners: tuple[tuple[str, ...], ...]
+    speeds: FloatArray
+    pose: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,25 +60,55 @@ class Prospect:
     starts: tuple[FloatArray, ...]
 
 
-def screen(problem: Problem, anchor: Fit, names: list[str], *, keep: int = 2) -> list[Prospect]:
-    """Every effect of `names` beside the effects of `anchor`, the most promising first."""
+Looks = dict[str, tuple[Look, ...]]
+
+
+def looks_of(problem: Problem, base: Fit, names: Sequence[str]) -> Looks:
+    """Simulate every effect of `names` at its starting values beside the refitted baseline."""
+    still = problem.raw_pose(base.theta, base.effects)
+    return {
+        name: tuple(
+            _look(problem, base, still, CATALOGUE[name], values, groups)
+            for values, groups in trial_points(CATALOGUE[name])
+        )
+        for name in names
+    }
+
+
+def screen(problem: Problem, anchor: Fit, looks: Looks, *, keep: int = 2) -> list[Prospect]:
+    """Every effect that was looked at beside the effects of `anchor`, the most promising first.
+
+    The shapes are those beside the baseline, whatever the anchor: only what the anchor already explains,
+    and what its own numbers could, is taken off.
+    """
     flat = anchor.residual.flat()
     span = _orthonormal(problem.jacobian(anchor.theta, anchor.effects, anchor.columns))
-    found = [_prospect(problem, anchor, name, flat, span, keep) for name in names]
+    found = [
+        _prospect(problem, anchor, name, ways, flat, span, keep)
+        for name, ways in looks.items()
+        if name not in anchor.effects
+    ]
     return sorted(found, key=lambda prospect: -prospect.gain)
 
 
 def _prospect(
-    problem: Problem, anchor: Fit, name: str, flat: FloatArray, span: FloatArray, keep: int
+    problem: Problem,
+    anchor: Fit,
+    name: str,
+    ways: tuple[Look, ...],
+    flat: FloatArray,
+    span: FloatArray,
+    keep: int,
 ) -> Prospect:
     effect = CATALOGUE[name]
-    looks: list[tuple[float, FloatArray]] = []
-    for values, directions in trial_points(effect):
-        shapes, owners = _shapes(problem, anchor, effect, values, directions)
-        scales, gain = _project(flat, span, shapes, [_signed(effect, owner) for owner in owners])
-        looks.append((gain, _place(problem, anchor.theta, effect, values, owners, scales)))
-    looks.sort(key=lambda look: -look[0])
-    return Prospect(name, looks[0][0], tuple(theta for _, theta in looks[:keep]))
+    found: list[tuple[float, FloatArray]] = []
+    for look in ways:
+        shapes = problem.flattened(look.speeds, look.pose)
+        scales, gain = _project(flat, span, shapes, [_signed(effect, owner) for owner in look.owners])
+        found.append((gain, _place(problem, anchor.theta, effect, look.values, look.owners, scales)))
+    found.sort(key=lambda one: -one[0])
+    good = [theta for gain, theta in found[:keep] if gain > LEAST_OF_BEST * found[0][0]]
+    return Prospect(name, found[0][0], tuple(good))
 
 
 def trial_points(effect: Effect) -> list[tuple[dict[str, float], list[tuple[str, ...]]]]:
@@ -96,38 +147,41 @@ def _kind(parameter: Parameter) -> str:
     return "_".join(word for word in parameter.name.split("_") if word not in SIDES) or "side"
 
 
-def _shapes(
+def _look(
     problem: Problem,
-    anchor: Fit,
+    base: Fit,
+    still: FloatArray,
     effect: Effect,
     values: dict[str, float],
-    directions: list[tuple[str, ...]],
-) -> tuple[FloatArray, list[tuple[str, ...]]]:
-    """Change of the flat residual for each direction, by wheel where the wheels have their own numbers."""
+    groups: list[tuple[str, ...]],
+) -> Look:
+    """One shape for each group of parameters, by wheel where the wheels have their own numbers."""
     layout = problem.simulator.layout
-    effects = (*anchor.effects, effect.name)
+    effects = (*base.effects, effect.name)
     sided = {p.name: p.wheel for p in effect.parameters}
-    columns: list[FloatArray] = []
+    speeds: list[FloatArray] = []
+    poses: list[FloatArray] = []
     owners: list[tuple[str, ...]] = []
-    for names in directions:
-        theta = anchor.theta.copy()
+    for names in groups:
+        theta = base.theta.copy()
         for p in effect.parameters:
             on = p.name in names or p.scan or p.nuisance
             theta[layout.index(f"{effect.name}.{p.name}")] = values[p.name] if on else p.off
-        moved = problem.residual(theta, effects)
-        wheels = anchor.residual.wheels - moved.wheels
-        pose = anchor.residual.pose - moved.pose
-        wheel_names = {side: tuple(n for n in names if sided[n] == side) for side in SIDES}
-        if all(wheel_names.values()) and not pose.any():
-            for k, side in enumerate(SIDES):
-                only = np.zeros_like(wheels)
-                only[:, k] = wheels[:, k]
-                columns.append(np.concatenate((only.ravel(), pose.ravel())))
-                owners.append(wheel_names[side])
+        bent = problem.simulator.speeds(theta, problem.masks(effects)) - base.residual.speeds
+        moved = still - problem.raw_pose(theta, effects) if effect.domain != "wheel" else np.zeros_like(still)
+        by_wheel = {side: tuple(n for n in names if sided[n] == side) for side in SIDES}
+        if all(by_wheel.values()) and not moved.any():
+            for wheel, side in enumerate(SIDES):
+                only = np.zeros_like(bent)
+                only[:, wheel] = bent[:, wheel]
+                speeds.append(only)
+                poses.append(moved)
+                owners.append(by_wheel[side])
         else:
-            columns.append(np.concatenate((wheels.ravel(), pose.ravel())))
+            speeds.append(bent)
+            poses.append(moved)
             owners.append(names)
-    return np.stack(columns, axis=1), owners
+    return Look(values, tuple(owners), np.stack(speeds, axis=-1), np.stack(poses, axis=-1))
 
 
 def _orthonormal(columns: FloatArray) -> FloatArray:
@@ -164,7 +218,7 @@ def _place(
     theta: FloatArray,
     effect: Effect,
     values: dict[str, float],
-    owners: list[tuple[str, ...]],
+    owners: tuple[tuple[str, ...], ...],
     scales: FloatArray,
 ) -> FloatArray:
     """The vector to fit from: amplitudes at their projected size, within reason."""

@@ -9,14 +9,15 @@ from dataclasses import dataclass, field
 from truing.diagnose.compare import Advantage, advantage
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.problem import Problem
-from truing.diagnose.screen import Prospect, screen
-from truing.model.kernel import FloatArray
+from truing.diagnose.screen import Looks, Prospect, looks_of, screen
 
 Progress = Callable[[float], None]
 # A start is scouted this many steps before the best goes on.
 SCOUT_STEPS = 5
 # Log-likelihood that the screen must promise before an effect is worth a fit, nats.
 WORTH_A_FIT = 2.0
+# The most promising are always fitted; of the others those that promise this share of the best fit's gain.
+ALWAYS, WORTH_OF_BEST = 4, 0.2
 
 
 @dataclass
@@ -24,37 +25,42 @@ class Search:
     """Fits under one idea of the noise; `jobs` threads share them (the simulator releases the lock)."""
 
     problem: Problem
+    looks: Looks
     jobs: int = 2
     fits: dict[tuple[str, ...], Fit] = field(default_factory=dict)
     promised: dict[tuple[str, ...], float] = field(default_factory=dict)
 
-    def base(self, start: FloatArray) -> Fit:
-        """The refitted baseline."""
-        self.fits[()] = fit(self.problem, (), start, iterations=25)
-        return self.fits[()]
+    @classmethod
+    def around(cls, problem: Problem, base: Fit, names: Sequence[str], jobs: int) -> Search:
+        """A search from the refitted baseline, which may name these effects."""
+        return cls(problem, looks_of(problem, base, names), jobs, {(): base})
 
-    def beside(self, anchor: Fit, names: Sequence[str], most: int) -> list[Fit]:
-        """`anchor` with each of the most promising of `names` added; what is known is not fitted again."""
-        fresh = [name for name in names if name not in anchor.effects]
-        prospects = screen(self.problem, anchor, fresh)
+    def beside(self, anchor: Fit, most: int) -> list[Fit]:
+        """`anchor` with each of the most promising effects added; what is known is not fitted again."""
+        prospects = screen(self.problem, anchor, self.looks)
         for prospect in prospects:
             self.promised[key(*anchor.effects, prospect.name)] = prospect.gain
         worth = [p for p in prospects if p.gain > WORTH_A_FIT][:most]
-        missing = [p for p in worth if key(*anchor.effects, p.name) not in self.fits]
+        found = self._fit_all(anchor, worth[:ALWAYS])
+        best = max((self.better(one, anchor).gain for one in found), default=0.0)
+        return found + self._fit_all(anchor, [p for p in worth[ALWAYS:] if p.gain > WORTH_OF_BEST * best])
+
+    def _fit_all(self, anchor: Fit, prospects: Sequence[Prospect]) -> list[Fit]:
+        missing = [p for p in prospects if key(*anchor.effects, p.name) not in self.fits]
         with ThreadPoolExecutor(self.jobs) as pool:
-            done = list(pool.map(lambda p: self._fit(anchor, p), missing))
-        for one in done:
-            self.fits[key(*one.effects)] = one
-        return [self.fits[key(*anchor.effects, p.name)] for p in worth]
+            for one in pool.map(lambda p: self._fit(anchor, p), missing):
+                self.fits[key(*one.effects)] = one
+        return [self.fits[key(*anchor.effects, p.name)] for p in prospects]
 
     def _fit(self, anchor: Fit, prospect: Prospect) -> Fit:
         effects = (*anchor.effects, prospect.name)
         problem = self.problem.for_thread()
-        scouts = [
-            fit(problem, effects, start, iterations=SCOUT_STEPS, tolerance=1e-3) for start in prospect.starts
-        ]
+        starts = prospect.starts
+        if len(starts) == 1:
+            return fit(problem, effects, starts[0], iterations=SCOUT_STEPS + 15)
+        scouts = [fit(problem, effects, start, iterations=SCOUT_STEPS, tolerance=1e-3) for start in starts]
         best = min(scouts, key=lambda one: one.cost)
-        return fit(problem, effects, best.theta, iterations=15, tolerance=1e-4)
+        return fit(problem, effects, best.theta, iterations=15)
 
     def better(self, one: Fit, other: Fit) -> Advantage:
         """How much better `one` is than `other`."""
@@ -68,7 +74,7 @@ class Search:
 
     def under(self, problem: Problem, keep: Sequence[Fit]) -> Search:
         """A search under another idea of the noise, with these fits refined."""
-        other = Search(problem, self.jobs, promised=dict(self.promised))
+        other = Search(problem, self.looks, self.jobs, promised=dict(self.promised))
         with ThreadPoolExecutor(self.jobs) as pool:
             done = pool.map(lambda one: fit(problem.for_thread(), one.effects, one.theta, iterations=6), keep)
             other.fits = {key(*one.effects): one for one in done}
