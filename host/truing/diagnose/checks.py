@@ -21,12 +21,11 @@ from truing.diagnose.refusals import (
 )
 from truing.diagnose.result import Check, Severity
 from truing.diagnose.traces import BoolArray
+from truing.diagnose.usable import Pair, jumps, moves, usable_rows, wheel_speeds
 from truing.errors import IdentifyError
 from truing.identify.data_checks import Finding, check_set
-from truing.recording import MINIMUM_ROWS, WHEELS, FloatArray, RecordingSet, Run, Wheel
+from truing.recording import MINIMUM_ROWS, WHEELS, RecordingSet, Run, Wheel
 
-# A wheel speed no wheel of this robot reaches: the baseline's own top speed, this many times.
-JUMP_FACTOR = 4.0
 # 16, 24 and 32 bit counters wrap by these.
 COUNTER_SPANS = (2.0**16, 2.0**24, 2.0**32)
 FULL_SCALE = 0.995
@@ -93,20 +92,15 @@ def check_data(recordings: RecordingSet, baseline: Baseline | None = None) -> Da
     for run in together:
         refuse_time(run)
         refuse_efforts(run)
-    speeds = [tuple(run.speed(wheel, baseline).values for wheel in WHEELS) for run in together]
+    speeds = [wheel_speeds(run, baseline) for run in together]
     refuse_units(together, baseline, speeds)
     refuse_signs(together, speeds)
     wheels, found = _movable(together, speeds)
     refuse_stillness(together, baseline, speeds)
 
-    usable = []
+    usable = usable_rows(together.runs, baseline, speeds)
     for run, pair in zip(together, speeds, strict=True):
-        mask, more = _mask(run, baseline, pair)
-        for column, wheel in enumerate(WHEELS):
-            if wheel not in wheels:
-                mask[:, column] = False
-        usable.append(mask)
-        found += more
+        found += _jumps(run, baseline, pair)
     if sum(int(mask.sum()) for mask in usable) < MINIMUM_ROWS:
         raise IdentifyError(
             f"fewer than {MINIMUM_ROWS} rows are left to compare once jumps are set aside",
@@ -126,13 +120,11 @@ def check_data(recordings: RecordingSet, baseline: Baseline | None = None) -> Da
     )
 
 
-def _movable(
-    recordings: RecordingSet, speeds: Sequence[tuple[FloatArray, ...]]
-) -> tuple[tuple[Wheel, ...], list[Check]]:
+def _movable(recordings: RecordingSet, speeds: Sequence[Pair]) -> tuple[tuple[Wheel, ...], list[Check]]:
     """The wheels that moved, and what to say of the others."""
     moving, found = [], []
     for column, wheel in enumerate(WHEELS):
-        if any((pair[column] != 0.0).any() for pair in speeds):
+        if moves(speeds, column):
             moving.append(wheel)
             continue
         largest = max(float(np.abs(run.effort(wheel)).max()) for run in recordings)
@@ -159,29 +151,19 @@ def _movable(
     return tuple(moving), found
 
 
-def _mask(
-    run: Run, baseline: Baseline, speeds: tuple[FloatArray, ...]
-) -> tuple[BoolArray, list[Check]]:
-    """Rows whose speed no wheel of this robot can have: a reset, a wrap, a lost digit."""
-    mask = np.ones((len(run), 2), dtype=np.bool_)
-    found = []
+def _jumps(run: Run, baseline: Baseline, speeds: Pair) -> Iterator[Check]:
+    """What to say of rows whose speed no wheel of this robot can have."""
     for column, wheel in enumerate(WHEELS):
-        model = baseline.left if wheel == "left" else baseline.right
-        values = speeds[column]
-        usual = float(np.percentile(np.abs(values), 95.0))
-        largest = float(np.abs(run.effort(wheel)).max())
-        bad = ~(np.abs(values) <= JUMP_FACTOR * max(usual, model.gain_mps * largest))
-        if not bad.any() or usual == 0.0:
+        bad = jumps(run, baseline, speeds[column], column)
+        if not bad.any():
             continue
         # A single sample off and back makes two bad intervals; the first row repeats the second's speed.
-        mask[bad, column] = False
         row = int(np.flatnonzero(bad)[0]) + 1
         count = int(bad.sum())
         what = f"{count} rows jump" if count > 1 else f"row {row} jumps"
         place = f", the first at row {row}" if count > 1 else ""
         text = f"{what} by more than the wheel can turn{place}{_counter(run, wheel, bad)}; left out"
-        found.append(Check("jump", text, "doubt", "Look at that row of the file", run.name, wheel))
-    return mask, found
+        yield Check("jump", text, "doubt", "Look at that row of the file", run.name, wheel)
 
 
 def _counter(run: Run, wheel: Wheel, bad: BoolArray) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from truing.baseline import Baseline
+from truing.diagnose.usable import usable_rows
 from truing.errors import IdentifyError
 from truing.model.excitation import Pieces, excitation
 from truing.recording import MOTION_PAIRS, WHEELS, RecordingSet, Run, SpeedSource
@@ -50,6 +51,7 @@ class SetData:
     effort : shape (n, 2), -1..1, mean over the interval that ends at the row.
     pieces : (left, right): the effort as the simulation sees it, cut where an edge fell inside a row.
     speed_mps : shape (n, 2), m/s, measured, mean over the interval (from the best source there is).
+    usable : shape (n, 2), False where a row is no measurement of a wheel: a jump, or a wheel that is dead.
     source : the columns that the speed comes from.
     resolution_mps : one count per row; 0 where counts are not known.
     initial_mps : shape (segments, 2), m/s, speed at each segment's first row: 0 for a start at rest.
@@ -61,11 +63,13 @@ class SetData:
     position_speed_mps : shape (n, 2), speed from counts or positions, or None.
     command : shape (n, 2), the command as it stands in the file, or None.
     battery_v : shape (n,), or None.
-    truth : shape (n, 3), x m, y m, heading rad, from outside the robot; NaN where there is none.
+    truth : shape (n, 3), x m, y m, heading rad, from outside the robot (or the odometry of a commanded
+        set without such); NaN where there is none.
     odometry : shape (n, 3), the board's own, NaN where there is none.
     gyro_radps : shape (n,), NaN where there is none.
     heading_rad : shape (n,), the best heading there is (zero at the start of a run unless true), or None.
     heading_source : "truth", "gyro", "odometry", "wheels", or "".
+    commanded : no wheel is judged, and the pose is held against what the efforts command.
     """
 
     names: tuple[str, ...]
@@ -81,6 +85,7 @@ class SetData:
     effort: FloatArray
     pieces: tuple[Pieces, Pieces]
     speed_mps: FloatArray
+    usable: BoolArray
     source: SpeedSource
     resolution_mps: float
     initial_mps: FloatArray
@@ -97,6 +102,7 @@ class SetData:
     heading_rad: FloatArray | None
     heading_source: str
     modes: tuple[tuple[str, ...] | None, ...] = field(default=())
+    commanded: bool = False
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -117,6 +123,13 @@ class SetData:
         judged = np.ones(len(self), dtype=bool)
         judged[self.starts[:-1]] = False
         return judged
+
+    @property
+    def counted(self) -> BoolArray:
+        """Rows by wheel that judge a model of the wheels, shape (n, 2)."""
+        if self.commanded:
+            return np.zeros_like(self.usable)
+        return np.asarray(self.usable & self.judged[:, None])
 
     @property
     def first(self) -> BoolArray:
@@ -161,12 +174,15 @@ class SetData:
         return steps
 
 
-def set_data(recordings: RecordingSet, baseline: Baseline | None = None) -> SetData:
+def set_data(
+    recordings: RecordingSet, baseline: Baseline | None = None, *, commanded: bool = False
+) -> SetData:
     """Arrays of a recording set.
 
     Parameters
     ----------
     baseline : what the user's simulation knows; the set's own where None.
+    commanded : the pose is judged against the commands, the wheels are not judged.
 
     Raises
     ------
@@ -224,7 +240,8 @@ def set_data(recordings: RecordingSet, baseline: Baseline | None = None) -> SetD
         for w in (0, 1)
     )
     speeds = [tuple(run.speed(wheel, baseline) for wheel in WHEELS) for run in runs]
-    speed = both([(left.values, right.values) for left, right in speeds])
+    values = [(left.values, right.values) for left, right in speeds]
+    speed = both(values)
     travel = both([_travels(run, baseline) for run in runs])
     radius = None if baseline.robot is None else baseline.robot.wheel_radius_m
     angle, origin = (None, None) if radius is None else _angles(runs, baseline, rows_of_run, radius)
@@ -237,6 +254,9 @@ def set_data(recordings: RecordingSet, baseline: Baseline | None = None) -> SetD
     truth = _pose(runs, rows_of_run, ("truth_x_m", "truth_y_m", "truth_theta_rad"))
     _blank_stale(truth, travel, starts)
     odometry = _pose(runs, rows_of_run, ("x_m", "y_m", "theta_rad"))
+    if commanded and not np.isfinite(truth).all(axis=1).any():
+        truth = odometry.copy()
+    usable = usable_rows(runs, baseline, values)
     gyro = column("gyro_z_radps")
     gyro_radps = np.full(len(t_s), np.nan) if gyro is None else gyro
     heading, heading_source = _heading(truth, gyro, odometry, travel, baseline, starts, dt_s)
@@ -254,6 +274,7 @@ def set_data(recordings: RecordingSet, baseline: Baseline | None = None) -> SetD
         effort=effort,
         pieces=(pieces[0], pieces[1]),
         speed_mps=speed,
+        usable=np.concatenate([mask[keep] for mask, keep in zip(usable, rows_of_run, strict=True)]),
         source=source,
         resolution_mps=float(np.median([item.resolution for both_ in speeds for item in both_])),
         initial_mps=_initial(speed, starts, baseline),
@@ -270,6 +291,7 @@ def set_data(recordings: RecordingSet, baseline: Baseline | None = None) -> SetD
         heading_rad=heading,
         heading_source=heading_source,
         modes=tuple(run.mode for run in runs),
+        commanded=commanded,
     )
 
 

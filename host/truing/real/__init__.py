@@ -1,0 +1,1 @@
+"""Recordings of real robots, each diagnosed from a baseline without friction and delay."""
