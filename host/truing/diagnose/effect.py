@@ -90,7 +90,9 @@ class Effect:
         gain_left, tau_left, gain_right, tau_right.
     from_baseline : the numbers of an `[effect.NAME]` table to internal ones.
     exercised : 0 where these recordings could not show it, above 0 weakly, 1 or more fully.
-    step_s : the largest substep that solves it accurately; infinite where any step is exact.
+    step_share : the largest substep that solves it accurately, as a share of the baseline's smaller time
+        constant; infinite where any step is exact.
+    exact : any step is exact while no other effect asks for a `step_share`.
     units : units of reported parameters that are no parameter of the same name here.
     couples : it lets one wheel move the other, so that the wheels cannot be perturbed in one rollout.
     units : of contract parameters that `report` makes.
@@ -109,7 +111,8 @@ class Effect:
     report: Callable[[Mapping[str, float]], dict[str, float]] = identity
     from_baseline: Callable[[Mapping[str, float]], dict[str, float]] = identity
     exercised: Callable[[SetData], float] = always
-    step_s: float = float("inf")
+    step_share: float = float("inf")
+    exact: bool = False
     couples: bool = False
     units: Mapping[str, str] = field(default_factory=dict)
     extends: str = ""

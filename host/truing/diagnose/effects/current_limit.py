@@ -48,5 +48,6 @@ EFFECT = Effect(
     },
     parameters=(Parameter("limit", "1", 0.05, 2.0, 2.0, (0.6, 0.4, 0.25), scan=True),),
     exercised=_exercised,
-    step_s=0.01,
+    step_share=0.04,
+    exact=True,
 )

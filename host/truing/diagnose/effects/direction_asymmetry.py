@@ -53,4 +53,6 @@ EFFECT = Effect(
         Parameter("by_effort", "1", 0.0, 1.0, 0.0, (0.0, 1.0), nuisance=True, scan=True, fixed=True),
     ),
     exercised=_exercised,
+    step_share=0.06,
+    exact=True,
 )

@@ -41,5 +41,6 @@ EFFECT = Effect(
     },
     parameters=(Parameter("time_constant", "s", 0.0, 1.0, 0.0, (0.03, 0.1)),),
     exercised=_exercised,
-    step_s=0.005,
+    step_share=0.02,
+    exact=True,
 )

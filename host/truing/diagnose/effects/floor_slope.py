@@ -73,5 +73,5 @@ EFFECT = Effect(
     from_baseline=_from_baseline,
     units={"slope": "rad", "uphill_heading": "rad"},
     exercised=_exercised,
-    step_s=0.025,
+    step_share=0.08,
 )

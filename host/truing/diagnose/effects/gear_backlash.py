@@ -54,5 +54,6 @@ EFFECT = Effect(
     ),
     needs=("angle",),
     exercised=_exercised,
-    step_s=0.005,
+    step_share=0.015,
+    exact=True,
 )

@@ -48,6 +48,6 @@ EFFECT = Effect(
     },
     parameters=(Parameter("coupling", "1", -0.8, 0.8, 0.0, (0.1, -0.1, 0.3)),),
     exercised=_exercised,
-    step_s=0.01,
     couples=True,
+    step_share=0.05,
 )

@@ -44,5 +44,5 @@ EFFECT = Effect(
     },
     parameters=per_wheel("", "effort at 1 m/s", 0.0, 3.0, 0.0, (0.08, 0.3), "per_speed_squared"),
     exercised=_exercised,
-    step_s=0.01,
+    step_share=0.05,
 )

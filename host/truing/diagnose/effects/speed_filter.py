@@ -29,13 +29,19 @@ from truing.diagnose.effect import Effect, Parameter
 
 
 def after_step(
-    state: float, h: float, speed_start: float, speed_end: float, time_constant: float
+    state: float, h: float, speed_start: float, speed_end: float, travel: float, time_constant: float
 ) -> float:
-    """The filter's output after a substep over which the speed went along a line."""
+    """The filter's output after a substep, the speed a parabola with these ends and this travel."""
     if time_constant < 1e-6:
         return speed_end
-    ramp = time_constant * (speed_end - speed_start) / h
-    return speed_end - ramp + (state - speed_start + ramp) * math.exp(-h / time_constant)
+    bend = 6.0 * (0.5 * (speed_start + speed_end) - travel / h) / h
+    first = (speed_end - speed_start) / h - bend
+    share = time_constant / h
+    ramp = time_constant * first
+    curve = 2.0 * time_constant * bend
+    start = speed_start - ramp + curve * share
+    end = speed_end - ramp + curve * (share - 1.0)
+    return end + (state - start) * math.exp(-1.0 / share)
 
 
 def measure(increment: float, state: float, state_before: float, time_constant: float) -> float:
@@ -108,5 +114,5 @@ EFFECT = Effect(
     parameters=(Parameter("time_constant", "s", 0.0, 1.0, 0.0, (0.03, 0.1)),),
     needs=("vel",),
     exercised=_exercised,
-    step_s=0.01,
+    step_share=0.1,
 )

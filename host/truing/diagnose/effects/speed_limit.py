@@ -41,4 +41,6 @@ EFFECT = Effect(
     },
     parameters=(Parameter("limit", "m/s", 0.05, 3.0, 3.0, (0.85, 0.7, 0.5, 0.35), scale="speed", scan=True),),
     exercised=_exercised,
+    step_share=0.05,
+    exact=True,
 )

@@ -66,6 +66,6 @@ EFFECT = Effect(
         Parameter("drop_over_set", "1", 0.0, 0.5, 0.0, (0.04, 0.12)),
     ),
     exercised=_exercised,
-    step_s=0.01,
     couples=True,
+    step_share=0.06,
 )

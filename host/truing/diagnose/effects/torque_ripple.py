@@ -101,5 +101,5 @@ EFFECT = Effect(
     from_baseline=_from_baseline,
     units={"amplitude_left": "effort", "amplitude_right": "effort"},
     exercised=_exercised,
-    step_s=0.01,
+    step_share=0.03,
 )

@@ -47,4 +47,6 @@ EFFECT = Effect(
     parameters=(Parameter("scrub", "effort", 0.0, 0.6, 0.0, (0.03, 0.1)),),
     exercised=_exercised,
     couples=True,
+    step_share=0.05,
+    exact=True,
 )

@@ -55,5 +55,6 @@ EFFECT = Effect(
     ),
     domain="both",
     exercised=_exercised,
-    step_s=0.005,
+    step_share=0.015,
+    exact=True,
 )

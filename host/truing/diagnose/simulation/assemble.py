@@ -1,6 +1,6 @@
-"""Builds the kernel: stage functions written from the effects' hooks, then `rollout.py` on top of them.
+"""Builds the kernel: stage functions written from the effects' hooks, then the simulation's own.
 
-The two generated modules lie in NUMBA_CACHE_DIR, named by a hash of everything they are made of, so that
+The generated modules lie in NUMBA_CACHE_DIR, named by a hash of everything they are made of, so that
 numba keeps their machine code from one process to the next and a changed effect makes another kernel.
 Without that folder they are compiled in memory.
 """
@@ -14,17 +14,20 @@ import linecache
 import os
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from truing.diagnose.catalogue import Catalogue, Entry
-from truing.diagnose.simulation import jit, rollout
+from truing.diagnose.simulation import bodies, ground, jit, rollout, step
 from truing.diagnose.simulation.stages import SLOW_CONTEXT, STAGES, STATE_CONTEXT, Stage
 
 BASELINE_PARAMETERS = 4
 STUB_IMPORT = "from truing.diagnose.simulation import stubs as stage"
+# The modules that are compiled upon the stages, each after those that it imports.
+KERNEL = (step, rollout, ground)
 _WITH_WHEEL = {"drive", "supply", "friction", "push", "gain", "inertia", "gap", "measure", "ground"}
 _WITH_ROW = {"supply", "gain", "inertia"}
 
@@ -74,6 +77,12 @@ class _Writer:
         for hook in (*STAGES, "slow", "after_step"):
             lines.append(f"USES_{hook.upper()} = {self._uses(hook)}")
         lines.append(f"USES_ANGLE = {self._uses('push', 'angle_start') | self._uses('push', 'angle_end')}")
+        speed = self._uses("friction", "speed") | self._uses("supply") | self._uses("coupling")
+        lines.append(f"USES_SPEED = {speed}")
+        turns = self._uses("friction") | self._uses("scrub")
+        for hook in ("gain", "inertia"):
+            turns |= self._uses(hook, "direction")
+        lines.append(f"USES_DIRECTION = {turns}")
         lines.append(f"SLOW_SLOTS = {max(1, len(self.slow_slot))}")
         lines.append(f"STATE_SLOTS = {max(1, len(self.state_slot))}")
         for name, stage in STAGES.items():
@@ -116,7 +125,7 @@ class _Writer:
         lines = [
             "@compiled",
             "def slow_states(p, active, dt, heat, draw, elapsed, slows):",
-            "    slows[:] = 0.0",
+            "    pass",
         ]
         for name, slot in self.slow_slot.items():
             names = {item: item for item in SLOW_CONTEXT} | {"out": f"slows[{slot}]"}
@@ -127,7 +136,7 @@ class _Writer:
     def _after_step(self) -> list[str]:
         lines = [
             "@compiled",
-            "def after_step(p, active, wheel, states, h, speed_start, speed_end):",
+            "def after_step(p, active, wheel, states, h, speed_start, speed_end, travel):",
             "    pass",
         ]
         for name, slot in self.state_slot.items():
@@ -168,8 +177,8 @@ def _arguments(function: Callable[..., Any]) -> tuple[str, ...]:
     return tuple(inspect.signature(function).parameters)
 
 
-def _fingerprint(catalogue: Catalogue, stages: str, kernel: str) -> str:
-    parts = [stages, kernel, inspect.getsource(jit)]
+def _fingerprint(catalogue: Catalogue, stages: str) -> str:
+    parts = [stages, *(inspect.getsource(module) for module in (*KERNEL, bodies, jit))]
     parts += [inspect.getsource(sys.modules[entry.module]) for entry in catalogue.entries.values()]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
 
@@ -199,16 +208,35 @@ def _load(name: str, source: str, folder: Path | None) -> ModuleType:
     return module
 
 
+@dataclass(frozen=True)
+class Kernel:
+    """The compiled simulation of one catalogue; each function is compiled at its first call."""
+
+    stage: ModuleType
+    rollout: Callable[..., None]
+    slow: Callable[..., None]
+    ground_motion: Callable[..., None]
+    windowed_motion: Callable[..., None]
+
+
 @cache
-def kernel_of(catalogue: Catalogue) -> ModuleType:
-    """The module with `rollout`, `slow` and `ground_motion` for these effects; compiled at first call."""
+def kernel_of(catalogue: Catalogue) -> Kernel:
+    """The simulation for these effects."""
     stages = _Writer(catalogue).source()
-    kernel = inspect.getsource(rollout)
-    mark = _fingerprint(catalogue, stages, kernel)
+    mark = _fingerprint(catalogue, stages)
     place = os.environ.get("NUMBA_CACHE_DIR")
     folder = Path(place) / "truing_kernels" if place else None
-    if folder is None:
-        kernel = kernel.replace("@cached", "@compiled")
-    _load(f"truing_stages_{mark}", stages, folder)
-    kernel = kernel.replace(STUB_IMPORT, f"import truing_stages_{mark} as stage")
-    return _load(f"truing_kernel_{mark}", kernel, folder)
+    imports = {STUB_IMPORT: f"import truing_stages_{mark} as stage"}
+    stage = _load(f"truing_stages_{mark}", stages, folder)
+    found: dict[str, Any] = {}
+    for module in KERNEL:
+        source = inspect.getsource(module)
+        for written, meant in imports.items():
+            source = source.replace(written, meant)
+        if folder is None:
+            source = source.replace("@cached", "@compiled").replace("import cached", "import compiled")
+        short = module.__name__.rsplit(".", 1)[1]
+        name = f"truing_{short}_{mark}"
+        found |= vars(_load(name, source, folder))
+        imports[f"from {module.__name__} import"] = f"from {name} import"
+    return Kernel(stage, found["rollout"], found["slow"], found["ground_motion"], found["windowed_motion"])

@@ -22,8 +22,11 @@ SCRATCH = (3, 5)
 # Share of dry friction on the motor's side of the gap: bearings and gears on one side, the tyre on the other.
 FRICTION_AT_MOTOR = 0.5
 LEAST_SHARE = 0.02
-MAX_EVENTS = 60
+MAX_EVENTS = 1000
 TINY_S = 1e-10
+PAST_EVENT_S = 1e-7
+# A flight through the gap is looked at this often, as a share of the motor side's time constant.
+FLIGHT_SHARE = 0.02
 
 
 @compiled
@@ -62,6 +65,12 @@ def _cluster(
 
 
 @compiled
+def _copy(c: FloatArray, source: int, goal: int) -> None:
+    for i in range(SCRATCH[1]):
+        c[goal, i] = c[source, i]
+
+
+@compiled
 def start_bodies(b: FloatArray, w: int, v: float, keep_place: bool) -> None:
     """All bodies at one speed; the place in the gap stays, or is unknown and taken as the middle."""
     b[MOTOR, w] = v
@@ -82,6 +91,7 @@ def advance_bodies(
     h: float,
     motor: float,
     back_emf: float,
+    brake: float,
     push: float,
     dry: float,
     slope: float,
@@ -96,6 +106,7 @@ def advance_bodies(
     ----------
     b, c : state (BODY_ROWS, 2), and scratch of shape SCRATCH.
     motor, back_emf : effort at the motor, and how much of it is lost per m/s.
+    brake : the same outside a current limit, for the time scale of a flight through the gap.
     push, dry : effort on the wheel at all times, and dry friction.
     slope : acceleration of everything together per effort, m/s^2.
     gap : m at the rim; `b[PLACE]` is the motor's place in it, 0 (behind) to 1 (ahead).
@@ -154,12 +165,12 @@ def advance_bodies(
         wheel_share = r + (rest if rolls else 0.0)
         if touch != 0.0:
             _cluster(c, 0, b[MOTOR, w], m + wheel_share, motor + push + pull, dry, slope, back_emf)
-            c[1, :] = c[0, :]
+            _copy(c, 0, 1)
         else:
             _cluster(c, 0, b[MOTOR, w], m, motor, dry_motor, slope, back_emf)
             _cluster(c, 1, b[WHEEL, w], wheel_share, push + pull, dry_wheel, slope, 0.0)
         if rolls:
-            c[2, :] = c[1, :]
+            _copy(c, 1, 2)
         else:
             c[2, _V] = b[ROBOT, w]
             c[2, _LEVEL] = sliding * grip
@@ -168,6 +179,22 @@ def advance_bodies(
         # The first event.
         now = left
         event = 0
+        if touch == 0.0:
+            now = min(now, FLIGHT_SHARE * m / (slope * brake))
+        elif has_gap and c[0, _HELD] == 0.0:
+            # The gap opens where the motor's side hands nothing on.
+            v, level, rate = c[0, _V], c[0, _LEVEL], c[0, _RATE]
+            s = math.copysign(1.0, v if v != 0.0 else level)
+            offset = motor - s * dry_motor - m / slope * level
+            per_speed = back_emf - m / slope * rate
+            v_end = _end(c, 0, now)
+            if touch * (offset - per_speed * v_end) < 0.0 < touch * (offset - per_speed * v):
+                goal = offset / per_speed
+                when = (goal - v) / level
+                if abs(rate) > 1e-9:
+                    when = math.log((level - rate * v) / (level - rate * goal)) / rate
+                if 0.0 <= when < now:
+                    now, event = when + PAST_EVENT_S, 6
         for i in range(2):
             v = c[i, _V]
             if v != 0.0 and _end(c, i, now) * v < 0.0:
@@ -188,17 +215,15 @@ def advance_bodies(
                     else:
                         low = half
                 now, event = high, 3 if wall == 0.0 else 4
-        if not rolls:
-            before = c[1, _V] - c[2, _V]
-            if before * (_end(c, 1, now) - _end(c, 2, now)) < 0.0:
-                low, high = 0.0, now
-                for _ in range(45):
-                    half = 0.5 * (low + high)
-                    if before * (_end(c, 1, half) - _end(c, 2, half)) > 0.0:
-                        low = half
-                    else:
-                        high = half
-                now, event = high, 5
+        if not rolls and sliding * (_end(c, 1, now) - _end(c, 2, now)) < 0.0:
+            low, high = 0.0, now
+            for _ in range(45):
+                half = 0.5 * (low + high)
+                if sliding * (_end(c, 1, half) - _end(c, 2, half)) > 0.0:
+                    low = half
+                else:
+                    high = half
+            now, event = high, 5
         shift = _travel(c, 0, now)
         travelled += shift
         if touch == 0.0:

@@ -20,8 +20,6 @@ from truing.errors import TruingError
 
 # Derivatives: a step of this share of the parameter's own size (or of its weak start).
 DERIVATIVE_SHARE = 1e-4
-# No substep is longer than this share of the baseline's smaller time constant, where substeps matter.
-STEP_SHARE = 0.1
 LEAST_STEP_S = 5e-4
 
 
@@ -364,15 +362,20 @@ class SetSimulator:
 
     def _pack(self, theta: FloatArray, on: BoolArray) -> tuple[FloatArray, int, float]:
         p = np.ascontiguousarray(theta * self.layout.scale)
-        active = 0
-        step_s = math.inf
-        for bit, (use, effect) in enumerate(zip(on, self.catalogue.values(), strict=True)):
-            if use:
-                active |= 1 << bit
-                step_s = min(step_s, effect.step_s)
-        if step_s < math.inf:
-            step_s = max(min(step_s, STEP_SHARE * self._smallest_tau), LEAST_STEP_S) * self.step_factor
-        return p, active, step_s
+        active = sum(1 << bit for bit, use in enumerate(on) if use)
+        return p, active, self._step_s(active)
+
+    def _step_s(self, active: int) -> float:
+        """The longest substep that solves these effects together; infinite where every step is exact."""
+        wanted = [
+            effect
+            for bit, effect in enumerate(self.catalogue.values())
+            if active >> bit & 1 and effect.step_share < math.inf
+        ]
+        if not wanted or (len(wanted) == 1 and wanted[0].exact):
+            return math.inf
+        share = min(effect.step_share for effect in wanted)
+        return max(share * self._smallest_tau, LEAST_STEP_S) * self.step_factor
 
     def _simulate(self, theta: FloatArray, on: BoolArray) -> tuple[FloatArray, FloatArray]:
         p, active, step_s = self._pack(theta, on)
@@ -381,7 +384,8 @@ class SetSimulator:
         if slow_bits:
             # First pass without the slow effects: their states follow from its currents.
             scratch["slows"][:] = 0.0
-            self._run(p, active & ~slow_bits, step_s, scratch, self._all, track=self._mask("slow"))
+            others = active & ~slow_bits
+            self._run(p, others, self._step_s(others), scratch, self._all, track=self._mask("slow"))
             self._kernel.slow(
                 p,
                 active,

@@ -91,7 +91,7 @@ STAGES: dict[str, Stage] = {
 #   dt (n,) s; heat (n, 2) mean squared motor current over the row, of stall current; draw (n,) mean battery
 #   current, of both motors at stall; out (n, 2), written; a hook's `slow` is its own entry at the current
 #   row and wheel.
-# after_step(state, h, speed_start, speed_end): returns the effect's state of one wheel after a substep;
-#   it starts a segment as the wheel's speed.
+# after_step(state, h, speed_start, speed_end, travel): returns the effect's state of one wheel after a
+#   substep; it starts a segment as the wheel's speed.
 SLOW_CONTEXT = ("dt", "heat", "draw", "elapsed", "out")
-STATE_CONTEXT = ("state", "h", "speed_start", "speed_end")
+STATE_CONTEXT = ("state", "h", "speed_start", "speed_end", "travel")

@@ -11,6 +11,7 @@ from truing.diagnose.data import FloatArray
 
 USES_SUPPLY = USES_SCRUB = USES_PUSH = USES_COUPLING = USES_SPEED_LIMIT = USES_TORQUE_LIMIT = 0
 USES_GAP = USES_GRIP = USES_SLOW = USES_AFTER_STEP = USES_ANGLE = USES_HEADING = USES_MEASURE = 0
+USES_SPEED = USES_DIRECTION = 0
 USES_DELAY = USES_LAG = USES_DRIVE = USES_GAIN = USES_INERTIA = USES_FRICTION = 0
 SLOW_SLOTS = STATE_SLOTS = 1
 
@@ -164,6 +165,13 @@ def slow_states(
 
 
 def after_step(
-    p: P, active: int, wheel: int, states: FloatArray, h: float, speed_start: float, speed_end: float
+    p: P,
+    active: int,
+    wheel: int,
+    states: FloatArray,
+    h: float,
+    speed_start: float,
+    speed_end: float,
+    travel: float,
 ) -> None:
     return None
