@@ -10,7 +10,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 
-from generator import c_code, python_code, spec_tables, vectors  # noqa: E402
+from generator import c_code, dbc, python_code, spec_tables, vectors  # noqa: E402
 from generator.schema import SchemaError, load  # noqa: E402
 
 
@@ -30,6 +30,7 @@ def outputs() -> dict[Path, str]:
         package / "py.typed": "",
         HERE / "vectors" / "vectors.json": vectors.as_json(samples),
         HERE / "vectors" / "vectors.h": vectors.as_c_header(samples),
+        HERE / "truing.dbc": dbc.dbc(schema),
         spec: spec_tables.spec(schema, spec.read_text(encoding="utf-8")),
     }
 

@@ -13,8 +13,10 @@ void controller_init(struct controller *controller)
     hal_drive(none);
     hal_identity(&controller->identity);
     memset(&controller->link, 0, sizeof controller->link);
-    memset(&controller->cache, 0, sizeof controller->cache);
+    can_link_init(&controller->can, controller->identity.board_id, sizeof controller->identity.board_id);
+    memset(controller->cache, 0, sizeof controller->cache);
     controller->fed_at_ms = 0;
+    controller->bus_off = false;
     robot_init(&controller->robot, boot_faults(&controller->identity));
 }
 
@@ -28,16 +30,61 @@ void controller_note_overrun(struct controller *controller)
     controller->robot.supervisor.overrun = true;
 }
 
+static uint32_t parameter(const struct controller *controller, uint16_t index)
+{
+    return (uint32_t)controller->robot.parameters.values[index];
+}
+
+static void poll_can(struct controller *controller)
+{
+    struct can_link *const can = &controller->can;
+    struct frame request;
+    enum can_link_event event;
+    can_link_configure(can, (uint8_t)parameter(controller, PROTO_PARAMETER_CAN_NODE),
+                       1000u * parameter(controller, PROTO_PARAMETER_CAN_BITRATE_KBPS));
+    while ((event = can_link_receive(can, controller->robot.now_ms, &request)) != CAN_LINK_NOTHING) {
+        if (event == CAN_LINK_STOP) {
+            robot_stop(&controller->robot);
+        } else {
+            requests_answer(controller, PORT_CAN, &request);
+        }
+    }
+    can_link_flush(can, controller->robot.now_ms);
+    if (can_link_status_due(can, controller->robot.now_ms,
+                            parameter(controller, PROTO_PARAMETER_CAN_STATUS_HZ))) {
+        struct proto_status_reply status;
+        robot_status(&controller->robot, &status);
+        can_link_broadcast(can, &status);
+    }
+}
+
+/* A bus that has never carried a frame is one that nobody uses: no fault. The fault is shown for a second at
+ * least, since the controller is off the bus for a tenth of one only. */
+static void watch_bus(struct controller *controller, uint32_t now_ms)
+{
+    enum { SHOWN_MS = 1000 };
+    struct hal_can_report report;
+    hal_can_report(&report);
+    if (report.state == PROTO_CAN_BUS_STATE_BUS_OFF && report.sent + report.received > 0) {
+        controller->bus_off = true;
+        controller->bus_off_ms = now_ms;
+    } else if (now_ms - controller->bus_off_ms >= SHOWN_MS) {
+        controller->bus_off = false;
+    }
+    controller->robot.supervisor.can_bus_off = controller->bus_off;
+}
+
 void controller_poll(struct controller *controller)
 {
     struct frame request;
     link_flush(&controller->link);
     /* Bytes are read however full the line is, so that a stop never waits behind other requests. */
     while (link_receive(&controller->link, &request)) {
-        requests_answer(controller, &request);
+        requests_answer(controller, PORT_SERIAL, &request);
         link_flush(&controller->link);
     }
 
+    poll_can(controller);
     robot_audit(&controller->robot);
 
     /* A main loop that runs while the tick is dead must not keep the watchdog quiet. */
@@ -45,5 +92,6 @@ void controller_poll(struct controller *controller)
     if (now_ms != controller->fed_at_ms) {
         controller->fed_at_ms = now_ms;
         hal_watchdog_feed();
+        watch_bus(controller, now_ms);
     }
 }

@@ -20,23 +20,28 @@ static void store_plain(struct frame_decoder *decoder, uint8_t byte)
     }
 }
 
-/* The zero byte has come: is what lies before it a frame? */
-static bool finish_frame(struct frame_decoder *decoder, struct frame *out)
+bool frame_open(const uint8_t *plain, size_t length, struct frame *out)
 {
-    if (decoder->broken || decoder->left != 0 || decoder->length < FRAME_HEADER_SIZE + FRAME_CRC_SIZE) {
+    if (length < FRAME_HEADER_SIZE + FRAME_CRC_SIZE) {
         return false;
     }
-    const size_t covered = (size_t)decoder->length - FRAME_CRC_SIZE;
-    const uint32_t crc = load_u32(decoder->plain + covered);
-    if (crc32_update(0, decoder->plain, covered) != crc) {
+    const size_t covered = length - FRAME_CRC_SIZE;
+    const uint32_t crc = load_u32(plain + covered);
+    if (crc32_update(0, plain, covered) != crc) {
         return false;
     }
-    out->id = decoder->plain[0];
-    out->sequence = (uint16_t)(decoder->plain[1] | (uint16_t)(decoder->plain[2] << 8));
+    out->id = plain[0];
+    out->sequence = (uint16_t)(plain[1] | (uint16_t)(plain[2] << 8));
     out->crc = crc;
-    out->payload = decoder->plain + FRAME_HEADER_SIZE;
+    out->payload = plain + FRAME_HEADER_SIZE;
     out->payload_length = covered - FRAME_HEADER_SIZE;
     return true;
+}
+
+/* The zero byte has come: is what lies before it a frame? */
+static bool finish_frame(const struct frame_decoder *decoder, struct frame *out)
+{
+    return !decoder->broken && decoder->left == 0 && frame_open(decoder->plain, decoder->length, out);
 }
 
 bool frame_decoder_push(struct frame_decoder *decoder, uint8_t byte, struct frame *out)

@@ -39,6 +39,9 @@ struct frame_decoder {
 /* Takes one byte; true when it completed a sound frame, which is then in *out. */
 bool frame_decoder_push(struct frame_decoder *decoder, uint8_t byte, struct frame *out);
 
+/* The frame in plain bytes that arrived as a whole; false when they are none. `out` points into them. */
+bool frame_open(const uint8_t *plain, size_t length, struct frame *out);
+
 /* Writes a coded frame with its closing zero; returns its size, 0 when it does not fit into `capacity`. */
 size_t frame_encode(uint8_t id, uint16_t sequence, const uint8_t *payload, size_t payload_length,
                     uint8_t *out, size_t capacity);

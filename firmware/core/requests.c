@@ -52,7 +52,7 @@ static struct refusal answer_hello(struct controller *controller, const struct f
         return bad_length(request);
     }
     /* A host that greets has started anew: its sequence numbers may meet those of the host before. */
-    controller->cache.valid = false;
+    controller->cache[controller->port].valid = false;
     const struct hal_identity *const identity = &controller->identity;
     struct proto_hello_reply out = {
         .protocol_version = PROTO_VERSION,
@@ -79,7 +79,7 @@ static struct refusal answer_status(struct controller *controller, const struct 
 {
     struct proto_status_reply out;
     robot_status(&controller->robot, &out);
-    out.frames_dropped = controller->link.decoder.dropped;
+    out.frames_dropped = controller->link.decoder.dropped + controller->can.dropped;
     reply->length = proto_status_reply_encode(&out, reply->bytes, reply->capacity);
     return expect_empty(request);
 }
@@ -309,6 +309,32 @@ static struct refusal answer_set_velocity(struct controller *controller, const s
     return robot_drive(&controller->robot, PROTO_SEGMENT_KIND_VELOCITY, in.left, in.right);
 }
 
+static struct refusal answer_can_state(struct controller *controller, const struct frame *request,
+                                       struct reply *reply)
+{
+    const struct can_link *const can = &controller->can;
+    struct hal_can_report report;
+    hal_can_report(&report);
+    const struct proto_can_state_reply out = {
+        .node = can->node,
+        .bus_state = report.state,
+        .bitrate_kbps = (uint16_t)(can->bits_per_s / 1000u),
+        .transmit_errors = report.transmit_errors,
+        .receive_errors = report.receive_errors,
+        .last_error = report.last_error,
+        .bus_offs = report.bus_offs,
+        .frames_sent = report.sent,
+        .frames_received = report.received,
+        .overruns = report.overruns,
+        .discarded = report.discarded,
+        .messages_dropped = can->dropped,
+        .sequence_errors = can->channel.errors.sequence,
+        .timeouts = can->channel.errors.timeouts,
+    };
+    reply->length = proto_can_state_reply_encode(&out, reply->bytes, reply->capacity);
+    return expect_empty(request);
+}
+
 /* Whatever a stop carries and however often it comes, the dispatcher has already obeyed it. */
 static struct refusal answer_stop(struct controller *controller, const struct frame *request,
                                   struct reply *reply)
@@ -344,6 +370,7 @@ static const struct entry entries[] = {
     {PROTO_ID_SET_EFFORT, false, answer_set_effort},
     {PROTO_ID_SET_VELOCITY, false, answer_set_velocity},
     {PROTO_ID_STOP, false, answer_stop},
+    {PROTO_ID_CAN_STATE, false, answer_can_state},
 };
 
 _Static_assert(PROTO_PARAM_LIST_REPLY_SIZE <= PROTO_HELLO_REPLY_SIZE, "a hello is the longest short reply");
@@ -365,7 +392,19 @@ static bool has_room(const struct controller *controller, const struct entry *en
 {
     const size_t size = entry != NULL && entry->bulk ? LINK_LARGEST_FRAME : LINK_SMALL_FRAME;
     const bool stop = entry != NULL && entry->id == PROTO_ID_STOP;
-    return link_has_room(&controller->link, stop ? size : size + LINK_SMALL_FRAME);
+    const size_t room = stop ? size : size + LINK_SMALL_FRAME;
+    return controller->port == PORT_CAN ? can_link_has_room(&controller->can, room)
+                                        : link_has_room(&controller->link, room);
+}
+
+static void send(struct controller *controller, uint8_t id, uint16_t sequence, const uint8_t *payload,
+                 size_t length)
+{
+    if (controller->port == PORT_CAN) {
+        can_link_send(&controller->can, id, sequence, payload, length);
+    } else {
+        link_send(&controller->link, id, sequence, payload, length);
+    }
 }
 
 static bool is_repeated(const struct reply_cache *cache, const struct frame *request)
@@ -388,9 +427,10 @@ static void remember(struct reply_cache *cache, const struct frame *request, uin
     }
 }
 
-void requests_answer(struct controller *controller, const struct frame *request)
+void requests_answer(struct controller *controller, enum controller_port port, const struct frame *request)
 {
-    struct reply_cache *const cache = &controller->cache;
+    struct reply_cache *const cache = &controller->cache[port];
+    controller->port = (uint8_t)port;
     /* Replies, of another board on the line or echoed by it: to answer them would never end. */
     if ((request->id & PROTO_REPLY_BIT) != 0) {
         return;
@@ -403,7 +443,7 @@ void requests_answer(struct controller *controller, const struct frame *request)
         return;
     }
     if (is_repeated(cache, request)) {
-        link_send(&controller->link, cache->reply_id, request->sequence, cache->reply, cache->length);
+        send(controller, cache->reply_id, request->sequence, cache->reply, cache->length);
         return;
     }
 
@@ -423,5 +463,5 @@ void requests_answer(struct controller *controller, const struct frame *request)
     if (proto_id_changes(request->id)) {
         remember(cache, request, reply_id, &reply);
     }
-    link_send(&controller->link, reply_id, request->sequence, reply.bytes, reply.length);
+    send(controller, reply_id, request->sequence, reply.bytes, reply.length);
 }

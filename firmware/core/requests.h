@@ -6,6 +6,6 @@
 
 /* Carries a request out and queues its reply. A request that finds no room for its reply is dropped, as if
  * the line had lost it, and its sender asks again; a stop takes effect all the same. */
-void requests_answer(struct controller *controller, const struct frame *request);
+void requests_answer(struct controller *controller, enum controller_port port, const struct frame *request);
 
 #endif

@@ -33,6 +33,7 @@ struct supervisor {
     volatile bool overrun;                  /* set from the tick interrupt's frame, taken by the next step */
     bool store_damaged;                     /* the parameters in force are not those that were saved last */
     volatile bool sequence_damaged;         /* set from the main loop, taken by the next step */
+    volatile bool can_bus_off;              /* set from the main loop */
 };
 
 /* What the faults are judged by. */

@@ -60,6 +60,39 @@ size_t hal_link_writable(void);
 /* Queues bytes for sending; returns how many were taken (all or the part that fits). */
 size_t hal_link_write(const uint8_t *data, size_t length);
 
+/* A classic CAN frame with an 11-bit id. */
+struct hal_can_frame {
+    uint16_t id;
+    uint8_t length;
+    uint8_t data[8];
+};
+
+/* The CAN controller; its numbers count from start-up. */
+struct hal_can_report {
+    uint8_t state; /* enum proto_can_bus_state */
+    uint8_t transmit_errors;
+    uint8_t receive_errors;
+    uint8_t last_error; /* RM0090 CAN_ESR.LEC */
+    uint32_t sent;
+    uint32_t received;
+    uint32_t overruns;
+    uint32_t bus_offs;
+    uint32_t discarded;
+};
+
+/* Joins the bus, or joins it anew, and lets in the frames with these two ids. What waited to be sent is lost.
+ */
+void hal_can_start(uint32_t bits_per_s, const uint16_t ids[2]);
+
+/* The oldest frame received; false when there is none. */
+bool hal_can_read(struct hal_can_frame *out);
+
+/* Frames that hal_can_write takes now; none while the board is not on the bus. They leave in order. */
+size_t hal_can_writable(void);
+void hal_can_write(const struct hal_can_frame *frame);
+
+void hal_can_report(struct hal_can_report *out);
+
 /* Restarts the watchdog's count. */
 void hal_watchdog_feed(void);
 

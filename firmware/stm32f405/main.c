@@ -1,6 +1,7 @@
 /* The program of the board: starts the parts, runs the controller's tick each millisecond and its poll
  * between. */
 #include "battery.h"
+#include "bxcan.h"
 #include "clock.h"
 #include "controller.h"
 #include "cortex.h"
@@ -60,6 +61,7 @@ void SysTick_Handler(void)
     battery_update();
     controller_tick(&controller);
     usart_link_pump();
+    bxcan_tick();
     blink();
     encoders_settle();
     const bool overran = tick_overran();
@@ -94,7 +96,8 @@ static void start_peripheral_clocks(void)
 {
     RCC->ahb1enr |= RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOB | RCC_AHB1ENR_GPIOC;
     RCC->ahb2enr |= RCC_AHB2ENR_RNG;
-    RCC->apb1enr |= RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM3 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_USART3;
+    RCC->apb1enr |=
+        RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM3 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_USART3 | RCC_APB1ENR_CAN1;
     RCC->apb2enr |= RCC_APB2ENR_TIM1 | RCC_APB2ENR_ADC1 | RCC_APB2ENR_SYSCFG;
     (void)RCC->apb2enr; /* a clock needs two cycles to arrive (ES0182); the read takes longer */
 }
@@ -122,6 +125,7 @@ int main(void)
     identity_start(&clock);
     controller_init(&controller);
     usart_link_start(clock.apb1_hz); /* late, or what arrives before interrupts are on would overrun */
+    bxcan_prepare(clock.apb1_hz);
     start_tick(clock.core_hz);
     cpu_interrupts_on();
 
@@ -129,7 +133,9 @@ int main(void)
         controller_poll(&controller);
         /* Asked with interrupts off, or a frame that ends in between would wait for the next tick. */
         cpu_interrupts_off();
-        if (!usart_link_take_call()) {
+        const bool serial_calls = usart_link_take_call();
+        const bool can_calls = bxcan_take_call();
+        if (!serial_calls && !can_calls) {
             idle_begin();
             cpu_wait_for_interrupt();
         }

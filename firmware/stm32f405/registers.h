@@ -112,6 +112,7 @@ _Static_assert(sizeof(struct rcc) == 0x78, "RCC_CSR lies at 0x74");
 #define RCC_APB1ENR_TIM3    (1u << 1)
 #define RCC_APB1ENR_TIM4    (1u << 2)
 #define RCC_APB1ENR_USART3  (1u << 18)
+#define RCC_APB1ENR_CAN1    (1u << 25)
 #define RCC_APB1ENR_PWR     (1u << 28)
 #define RCC_APB2ENR_TIM1    (1u << 0)
 #define RCC_APB2ENR_ADC1    (1u << 8)
@@ -264,6 +265,67 @@ struct adc {
 #define ADC_CR2_ADON      (1u << 0)
 #define ADC_CR2_SWSTART   (1u << 30)
 #define ADC_CCR_PCLK_DIV4 (1u << 16)
+
+/* Basic extended CAN, section 32.9. The filters are shared with CAN2 and belong to CAN1's addresses. */
+struct can_mailbox {
+    reg32 ir;
+    reg32 dtr;
+    reg32 dlr;
+    reg32 dhr;
+};
+struct can {
+    reg32 mcr;
+    reg32 msr;
+    reg32 tsr;
+    reg32 rfr[2];
+    reg32 ier;
+    reg32 esr;
+    reg32 btr;
+    reg32 reserved_20[88];
+    struct can_mailbox tx[3];
+    struct can_mailbox rx[2];
+    reg32 reserved_1d0[12];
+    reg32 fmr;
+    reg32 fm1r;
+    reg32 reserved_208;
+    reg32 fs1r;
+    reg32 reserved_210;
+    reg32 ffa1r;
+    reg32 reserved_218;
+    reg32 fa1r;
+    reg32 reserved_220[8];
+    reg32 filter[28][2];
+};
+_Static_assert(sizeof(struct can) == 0x320, "the last filter ends at 0x31F");
+#define CAN1             ((struct can *)0x40006400u)
+#define CAN_MCR_INRQ     (1u << 0)
+#define CAN_MCR_TXFP     (1u << 2) /* mailboxes leave in the order of their requests */
+#define CAN_MCR_ABOM     (1u << 6)
+#define CAN_MSR_INAK     (1u << 0)
+#define CAN_MSR_ERRI     (1u << 2)
+#define CAN_TSR_RQCP(m)  (1u << (8u * (m)))
+#define CAN_TSR_TXOK(m)  (1u << (8u * (m) + 1u))
+#define CAN_TSR_ABRQ(m)  (1u << (8u * (m) + 7u))
+#define CAN_TSR_TME(m)   (1u << (26u + (m)))
+#define CAN_RFR_FMP      3u
+#define CAN_RFR_FOVR     (1u << 4)
+#define CAN_RFR_RFOM     (1u << 5)
+#define CAN_IER_TMEIE    (1u << 0)
+#define CAN_IER_FMPIE0   (1u << 1)
+#define CAN_IER_BOFIE    (1u << 10)
+#define CAN_IER_ERRIE    (1u << 15)
+#define CAN_ESR_EWGF     (1u << 0)
+#define CAN_ESR_EPVF     (1u << 1)
+#define CAN_ESR_BOFF     (1u << 2)
+#define CAN_ESR_LEC(esr) (((esr) >> 4) & 7u)
+#define CAN_ESR_TEC(esr) (((esr) >> 16) & 0xFFu)
+#define CAN_ESR_REC(esr) ((esr) >> 24)
+#define CAN_TIR_TXRQ     (1u << 0)
+#define CAN_IR_STID      21u
+#define CAN_FMR_FINIT    (1u << 0)
+#define IRQ_CAN1_TX      19u
+#define IRQ_CAN1_RX0     20u
+#define IRQ_CAN1_SCE     22u
 
 /* Random number generator, section 24.4. Addresses, since it is only read through a guarded load. */
 #define RNG_CR         (*(reg32 *)0x50060800u)

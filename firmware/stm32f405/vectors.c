@@ -1,6 +1,7 @@
-/* The vector table: eight vectors are in use, all others lead to a handler that stops the motors. */
+/* The vector table: eleven vectors are in use, all others lead to a handler that stops the motors. */
 #include <stdint.h>
 
+#include "bxcan.h"
 #include "encoders.h"
 #include "fault.h"
 #include "registers.h"
@@ -48,7 +49,11 @@ __attribute__((section(".vectors"), used)) static const struct vector_table vect
     .interrupt = {
         [0 ... IRQ_EXTI4 - 1] = unexpected_interrupt,
         [IRQ_EXTI4] = EXTI4_Handler,
-        [IRQ_EXTI4 + 1 ... IRQ_EXTI9_5 - 1] = unexpected_interrupt,
+        [IRQ_EXTI4 + 1 ... IRQ_CAN1_TX - 1] = unexpected_interrupt,
+        [IRQ_CAN1_TX] = CAN1_TX_Handler,
+        [IRQ_CAN1_RX0] = CAN1_RX0_Handler,
+        [IRQ_CAN1_RX0 + 1] = unexpected_interrupt, /* FIFO 1 */
+        [IRQ_CAN1_SCE] = CAN1_SCE_Handler,
         [IRQ_EXTI9_5] = EXTI9_5_Handler,
         [IRQ_EXTI9_5 + 1 ... IRQ_USART3 - 1] = unexpected_interrupt,
         [IRQ_USART3] = USART3_Handler,

@@ -117,6 +117,7 @@ static void reset_peripherals(struct board *b, enum board_reset cause)
         usart_reset(b, i);
     }
     adc_reset(b);
+    can_reset(b);
     exti_reset(b);
     b->pwr_cr = 0x4000u;
     b->rng_cr = 0;

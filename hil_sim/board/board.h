@@ -41,6 +41,14 @@ struct board_wires {
     void (*usart_sent)(void *context, int usart, uint8_t byte, double line_baud, uint64_t time_ps);
 };
 
+/* A frame of classic CAN. */
+struct board_can_frame {
+    uint32_t id; /* 11 or 29 bits */
+    bool extended, remote;
+    uint8_t length; /* bytes of data, 0 to 8 */
+    uint8_t data[8];
+};
+
 struct board_options {
     uint64_t seed; /* of SRAM noise at power-on and of the random number generator */
     uint8_t unique_id[12];
@@ -84,6 +92,22 @@ uint64_t board_time_ps(const struct board *board);
 void board_usart_receive(struct board *board, int usart, uint8_t byte, double line_baud, uint64_t start_ps);
 /* Bytes that have not yet been clocked in completely. */
 size_t board_usart_inbound(const struct board *board, int usart);
+
+/* CAN1, as the bus sees it. Unattached, its receive line is held dominant: the controller never joins. */
+void board_can_attach(struct board *board, bool attached);
+/* The frame that the controller wants to send most, and since when; false: none, or it is not on the bus. */
+bool board_can_offer(const struct board *board, struct board_can_frame *frame, uint64_t *since_ps);
+/* Its bit rate when it hears the bus, else 0. `acknowledges`: it is not silent. */
+double board_can_bit_rate(const struct board *board, bool *acknowledges);
+
+enum board_can_outcome { BOARD_CAN_SENT, BOARD_CAN_UNACKNOWLEDGED, BOARD_CAN_DAMAGED };
+/* What became of the offer, once that time has come. Until then the controller offers nothing else. */
+void board_can_conclude(struct board *board, enum board_can_outcome outcome, uint64_t end_ps);
+/* A frame of another node ends at that time. Damaged: an error frame ended it. */
+void board_can_deliver(struct board *board, const struct board_can_frame *frame, bool damaged,
+                       uint64_t end_ps);
+/* Bits from start to the end of the frame, stuff bits included, the three bits of pause after it not. */
+uint32_t board_can_bits(const struct board_can_frame *frame);
 
 /* Memory as a debugger sees it: no side effects on registers. False: not memory. */
 bool board_read_memory(const struct board *board, uint32_t address, uint8_t *out, size_t length);

@@ -7,7 +7,7 @@
 
 enum { AHB1, AHB2, AHB3, APB1, APB2, ALWAYS }; /* index into rcc.enr */
 
-enum kind { GPIO, TIMER, USART, ADC, RCC, FLASH, PWR, IWDG, SYSCFG, EXTI };
+enum kind { GPIO, TIMER, USART, ADC, RCC, FLASH, PWR, IWDG, SYSCFG, EXTI, CAN };
 
 struct peripheral {
     const char *name;
@@ -17,23 +17,23 @@ struct peripheral {
 
 /* Register boundaries from RM0090 table 1, clock enable bits from section 7.3. */
 static const struct peripheral peripherals[] = {
-    {"TIM2", 0x40000000, TIMER, 2, APB1, 0},    {"TIM3", 0x40000400, TIMER, 3, APB1, 1},
-    {"TIM4", 0x40000800, TIMER, 4, APB1, 2},    {"TIM5", 0x40000C00, TIMER, 5, APB1, 3},
-    {"TIM6", 0x40001000, TIMER, 6, APB1, 4},    {"TIM7", 0x40001400, TIMER, 7, APB1, 5},
-    {"TIM12", 0x40001800, TIMER, 12, APB1, 6},  {"TIM13", 0x40001C00, TIMER, 13, APB1, 7},
-    {"TIM14", 0x40002000, TIMER, 14, APB1, 8},  {"IWDG", 0x40003000, IWDG, 0, ALWAYS, 0},
-    {"USART2", 0x40004400, USART, 2, APB1, 17}, {"USART3", 0x40004800, USART, 3, APB1, 18},
-    {"PWR", 0x40007000, PWR, 0, APB1, 28},      {"TIM1", 0x40010000, TIMER, 1, APB2, 0},
-    {"TIM8", 0x40010400, TIMER, 8, APB2, 1},    {"USART1", 0x40011000, USART, 1, APB2, 4},
-    {"ADC", 0x40012000, ADC, 0, APB2, 8},       {"SYSCFG", 0x40013800, SYSCFG, 0, APB2, 14},
-    {"EXTI", 0x40013C00, EXTI, 0, ALWAYS, 0},   {"TIM9", 0x40014000, TIMER, 9, APB2, 16},
-    {"TIM10", 0x40014400, TIMER, 10, APB2, 17}, {"TIM11", 0x40014800, TIMER, 11, APB2, 18},
-    {"GPIOA", 0x40020000, GPIO, 0, AHB1, 0},    {"GPIOB", 0x40020400, GPIO, 1, AHB1, 1},
-    {"GPIOC", 0x40020800, GPIO, 2, AHB1, 2},    {"GPIOD", 0x40020C00, GPIO, 3, AHB1, 3},
-    {"GPIOE", 0x40021000, GPIO, 4, AHB1, 4},    {"GPIOF", 0x40021400, GPIO, 5, AHB1, 5},
-    {"GPIOG", 0x40021800, GPIO, 6, AHB1, 6},    {"GPIOH", 0x40021C00, GPIO, 7, AHB1, 7},
-    {"GPIOI", 0x40022000, GPIO, 8, AHB1, 8},    {"RCC", 0x40023800, RCC, 0, ALWAYS, 0},
-    {"FLASH", 0x40023C00, FLASH, 0, ALWAYS, 0},
+    {"TIM2", 0x40000000, TIMER, 2, APB1, 0},     {"TIM3", 0x40000400, TIMER, 3, APB1, 1},
+    {"TIM4", 0x40000800, TIMER, 4, APB1, 2},     {"TIM5", 0x40000C00, TIMER, 5, APB1, 3},
+    {"TIM6", 0x40001000, TIMER, 6, APB1, 4},     {"TIM7", 0x40001400, TIMER, 7, APB1, 5},
+    {"TIM12", 0x40001800, TIMER, 12, APB1, 6},   {"TIM13", 0x40001C00, TIMER, 13, APB1, 7},
+    {"TIM14", 0x40002000, TIMER, 14, APB1, 8},   {"IWDG", 0x40003000, IWDG, 0, ALWAYS, 0},
+    {"USART2", 0x40004400, USART, 2, APB1, 17},  {"USART3", 0x40004800, USART, 3, APB1, 18},
+    {"CAN1", 0x40006400, CAN, 1, APB1, 25},      {"PWR", 0x40007000, PWR, 0, APB1, 28},
+    {"TIM1", 0x40010000, TIMER, 1, APB2, 0},     {"TIM8", 0x40010400, TIMER, 8, APB2, 1},
+    {"USART1", 0x40011000, USART, 1, APB2, 4},   {"ADC", 0x40012000, ADC, 0, APB2, 8},
+    {"SYSCFG", 0x40013800, SYSCFG, 0, APB2, 14}, {"EXTI", 0x40013C00, EXTI, 0, ALWAYS, 0},
+    {"TIM9", 0x40014000, TIMER, 9, APB2, 16},    {"TIM10", 0x40014400, TIMER, 10, APB2, 17},
+    {"TIM11", 0x40014800, TIMER, 11, APB2, 18},  {"GPIOA", 0x40020000, GPIO, 0, AHB1, 0},
+    {"GPIOB", 0x40020400, GPIO, 1, AHB1, 1},     {"GPIOC", 0x40020800, GPIO, 2, AHB1, 2},
+    {"GPIOD", 0x40020C00, GPIO, 3, AHB1, 3},     {"GPIOE", 0x40021000, GPIO, 4, AHB1, 4},
+    {"GPIOF", 0x40021400, GPIO, 5, AHB1, 5},     {"GPIOG", 0x40021800, GPIO, 6, AHB1, 6},
+    {"GPIOH", 0x40021C00, GPIO, 7, AHB1, 7},     {"GPIOI", 0x40022000, GPIO, 8, AHB1, 8},
+    {"RCC", 0x40023800, RCC, 0, ALWAYS, 0},      {"FLASH", 0x40023C00, FLASH, 0, ALWAYS, 0},
 };
 enum { PERIPHERALS = sizeof peripherals / sizeof peripherals[0], ACCESS_CYCLES = 2 };
 
@@ -102,6 +102,9 @@ static void reset_one(struct board *b, const struct peripheral *p)
     case ADC:
         adc_reset(b);
         break;
+    case CAN:
+        can_reset(b);
+        break;
     default:
         break;
     }
@@ -129,6 +132,8 @@ static bool access_peripheral(struct board *b, const struct peripheral *p, uint3
         return usart_access(b, p->number, offset, write, value);
     case ADC:
         return adc_access(b, offset, write, value);
+    case CAN:
+        return can_access(b, offset, write, value);
     case RCC:
         return rcc_access(b, offset, write, value);
     case FLASH:

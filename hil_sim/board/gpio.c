@@ -7,7 +7,7 @@ enum { MODE_INPUT, MODE_OUTPUT, MODE_ALTERNATE, MODE_ANALOG };
 
 /* Alternate functions modelled, STM32F405 datasheet table 9: {port, pin, function, signal, instance,
  * channel}. */
-enum signal { SIGNAL_TIMER, SIGNAL_USART_TX, SIGNAL_USART_RX };
+enum signal { SIGNAL_TIMER, SIGNAL_USART_TX, SIGNAL_USART_RX, SIGNAL_CAN_RX, SIGNAL_CAN_TX };
 static const struct route {
     char port;
     uint8_t pin, function, signal, instance, channel;
@@ -34,7 +34,10 @@ static const struct route {
     {'D', 6, 7, SIGNAL_USART_RX, 2, 0},  {'B', 10, 7, SIGNAL_USART_TX, 3, 0},
     {'B', 11, 7, SIGNAL_USART_RX, 3, 0}, {'C', 10, 7, SIGNAL_USART_TX, 3, 0},
     {'C', 11, 7, SIGNAL_USART_RX, 3, 0}, {'D', 8, 7, SIGNAL_USART_TX, 3, 0},
-    {'D', 9, 7, SIGNAL_USART_RX, 3, 0},
+    {'D', 9, 7, SIGNAL_USART_RX, 3, 0},  {'A', 11, 9, SIGNAL_CAN_RX, 1, 0},
+    {'A', 12, 9, SIGNAL_CAN_TX, 1, 0},   {'B', 8, 9, SIGNAL_CAN_RX, 1, 0},
+    {'B', 9, 9, SIGNAL_CAN_TX, 1, 0},    {'D', 0, 9, SIGNAL_CAN_RX, 1, 0},
+    {'D', 1, 9, SIGNAL_CAN_TX, 1, 0},
 };
 enum { ROUTES = sizeof routes / sizeof routes[0] };
 
@@ -66,12 +69,18 @@ bool pin_of_timer(const struct board *b, int timer, int channel, struct board_pi
     return false;
 }
 
-static void find_usart_pins(struct board *b)
+static void find_line_pins(struct board *b)
 {
     memset(b->usart_routed, 0, sizeof b->usart_routed);
+    memset(b->can_routed, 0, sizeof b->can_routed);
     for (size_t i = 0; i < ROUTES; i++) {
         const struct route *r = &routes[i];
-        if (r->signal != SIGNAL_TIMER && routed(b, r)) {
+        if (r->signal == SIGNAL_TIMER || !routed(b, r)) {
+            continue;
+        }
+        if (r->signal >= SIGNAL_CAN_RX) {
+            b->can_routed[r->signal == SIGNAL_CAN_TX] = true;
+        } else {
             b->usart_routed[r->signal == SIGNAL_USART_TX][r->instance] = true;
         }
     }
@@ -153,7 +162,7 @@ void gpio_reset(struct board *b, int port)
     static const struct gpio initial[2] = {{.moder = 0xA8000000u, .pupdr = 0x64000000u},
                                            {.moder = 0x00000280u, .pupdr = 0x00000100u, .ospeedr = 0xC0u}};
     b->gpio[port] = port < 2 ? initial[port] : (struct gpio){0};
-    find_usart_pins(b);
+    find_line_pins(b);
 }
 
 bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_t *value)
@@ -187,7 +196,7 @@ bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_
         for (int timer = 1; timer <= TIMERS; timer++) {
             timer_encoder_sync(b, timer);
         }
-        find_usart_pins(b);
+        find_line_pins(b);
         exti_schedule(b);
     }
     pins_update(b);

@@ -49,7 +49,15 @@ enum {
     EXC_IRQ0 = 16
 };
 /* Interrupt numbers used here, RM0090 table 62. */
-enum { IRQ_EXTI0 = 6, IRQ_ADC = 18, IRQ_EXTI9_5 = 23, IRQ_TIM1_UP = 25, IRQ_USART1 = 37, IRQ_EXTI15_10 = 40 };
+enum {
+    IRQ_EXTI0 = 6,
+    IRQ_ADC = 18,
+    IRQ_CAN1_TX = 19,
+    IRQ_EXTI9_5 = 23,
+    IRQ_TIM1_UP = 25,
+    IRQ_USART1 = 37,
+    IRQ_EXTI15_10 = 40
+};
 
 /* ---- events: things that happen at a known time ---- */
 enum event_id {
@@ -66,7 +74,9 @@ enum event_id {
     EVENT_USART_IDLE0 = EVENT_USART_RX0 + USARTS,
     EVENT_ADC0 = EVENT_USART_IDLE0 + USARTS,
     EVENT_EXTI0 = EVENT_ADC0 + ADCS, /* one for each encoder */
-    EVENTS = EVENT_EXTI0 + ENCODERS
+    EVENT_CAN = EVENT_EXTI0 + ENCODERS,
+    EVENT_CAN_JOIN,
+    EVENTS
 };
 
 struct event {
@@ -153,6 +163,27 @@ struct usart {
     uint64_t line_free_ps; /* when the last byte queued so far has left the line */
 };
 
+enum { CAN_MAILBOXES = 3, CAN_FIFO_DEPTH = 3, CAN_BANKS = 28, CAN_HAPPENINGS = 16 };
+struct can {
+    uint32_t mcr, msr, tsr, rfr[2], ier, esr_lec, btr;
+    struct can_box {
+        uint32_t ir, dtr, dlr, dhr;
+    } tx[CAN_MAILBOXES], fifo[2][CAN_FIFO_DEPTH];
+    uint64_t requested_ps[CAN_MAILBOXES];
+    uint32_t fmr, fm1r, fs1r, ffa1r, fa1r, filter[CAN_BANKS][2];
+    unsigned tec, rec;
+    bool bus_off;
+    int sending;              /* mailbox whose frame is on the bus, -1 none */
+    uint64_t silent_until_ps; /* an error-passive node lets others go first */
+    struct can_happening {
+        uint64_t at_ps;
+        uint8_t kind; /* enum board_can_outcome, or one of can.c */
+        struct board_can_frame frame;
+    } happening[CAN_HAPPENINGS];
+    unsigned first, waiting;
+    bool attached;
+};
+
 struct adc {
     uint32_t sr, cr1, cr2, smpr[2], sqr[3], htr, ltr, jsqr, dr;
     uint32_t rank; /* next conversion of the sequence */
@@ -231,7 +262,9 @@ struct board {
     struct flash flash;
     struct gpio gpio[PORTS];
     bool usart_routed[2][USARTS + 1]; /* receivers, transmitters that a pin belongs to */
-    struct timer timer[TIMERS + 1];   /* TIM1 is [1] */
+    bool can_routed[2];
+    struct can can;
+    struct timer timer[TIMERS + 1]; /* TIM1 is [1] */
     struct usart usart[USARTS + 1];
     struct adc adc[ADCS + 1];
     uint32_t adc_ccr;
@@ -360,6 +393,10 @@ void usart_tx_event(struct board *b, int usart);
 void usart_rx_event(struct board *b, int usart);
 void usart_idle_event(struct board *b, int usart);
 void usart_drop_inbound(struct board *b, int usart);
+bool can_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
+void can_reset(struct board *b);
+void can_event(struct board *b);
+void can_join_event(struct board *b);
 bool adc_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 void adc_reset(struct board *b);
 void adc_event(struct board *b, int adc);
@@ -376,7 +413,16 @@ bool pwr_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 bool dbgmcu_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 
 /* trace.c */
-enum trace_kind { TRACE_PIN = 1, TRACE_TX, TRACE_RX, TRACE_ADC, TRACE_ENCODER, TRACE_RESET };
+enum trace_kind {
+    TRACE_PIN = 1,
+    TRACE_TX,
+    TRACE_RX,
+    TRACE_ADC,
+    TRACE_ENCODER,
+    TRACE_RESET,
+    TRACE_CAN_TX,
+    TRACE_CAN_RX
+};
 void trace_add(struct board *b, enum trace_kind kind, uint32_t source, uint64_t value);
 
 #endif

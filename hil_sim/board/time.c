@@ -100,6 +100,10 @@ static void dispatch(struct board *b, unsigned id)
         usart_rx_event(b, (int)(id - EVENT_USART_RX0) + 1);
     } else if (id < EVENT_ADC0) {
         usart_idle_event(b, (int)(id - EVENT_USART_IDLE0) + 1);
+    } else if (id == EVENT_CAN) {
+        can_event(b);
+    } else if (id == EVENT_CAN_JOIN) {
+        can_join_event(b);
     } else if (id < EVENT_EXTI0) {
         adc_event(b, (int)(id - EVENT_ADC0) + 1);
     } else {

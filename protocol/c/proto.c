@@ -113,6 +113,68 @@ bool proto_log_entry_decode(struct proto_log_entry *to, const uint8_t *in, size_
     return true;
 }
 
+size_t proto_can_announce_encode(const struct proto_can_announce *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_CAN_ANNOUNCE_SIZE) {
+        return 0;
+    }
+    put_u32(out + 0, from->schema_hash);
+    put_u32(out + 4, from->board);
+    return PROTO_CAN_ANNOUNCE_SIZE;
+}
+
+bool proto_can_announce_decode(struct proto_can_announce *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_CAN_ANNOUNCE_SIZE) {
+        return false;
+    }
+    to->schema_hash = get_u32(in + 0);
+    to->board = get_u32(in + 4);
+    return true;
+}
+
+size_t proto_can_status_encode(const struct proto_can_status *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_CAN_STATUS_SIZE) {
+        return 0;
+    }
+    put_u32(out + 0, from->faults);
+    put_u8(out + 4, from->state);
+    put_u8(out + 5, from->mode);
+    put_u16(out + 6, from->battery);
+    return PROTO_CAN_STATUS_SIZE;
+}
+
+bool proto_can_status_decode(struct proto_can_status *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_CAN_STATUS_SIZE) {
+        return false;
+    }
+    to->faults = get_u32(in + 0);
+    to->state = get_u8(in + 4);
+    to->mode = get_u8(in + 5);
+    to->battery = get_u16(in + 6);
+    return true;
+}
+
+size_t proto_can_motion_encode(const struct proto_can_motion *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_CAN_MOTION_SIZE) {
+        return 0;
+    }
+    put_i16(out + 0, from->speed_left);
+    put_i16(out + 2, from->speed_right);
+    put_i16(out + 4, from->effort_left);
+    put_i16(out + 6, from->effort_right);
+    return PROTO_CAN_MOTION_SIZE;
+}
+
+bool proto_can_motion_decode(struct proto_can_motion *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_CAN_MOTION_SIZE) {
+        return false;
+    }
+    to->speed_left = get_i16(in + 0);
+    to->speed_right = get_i16(in + 2);
+    to->effort_left = get_i16(in + 4);
+    to->effort_right = get_i16(in + 6);
+    return true;
+}
+
 size_t proto_hello_request_encode(const struct proto_hello_request *from, uint8_t *out, size_t capacity) {
     if (capacity < PROTO_HELLO_REQUEST_SIZE) {
         return 0;
@@ -759,6 +821,48 @@ bool proto_set_velocity_request_decode(struct proto_set_velocity_request *to, co
     return true;
 }
 
+size_t proto_can_state_reply_encode(const struct proto_can_state_reply *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_CAN_STATE_REPLY_SIZE) {
+        return 0;
+    }
+    put_u8(out + 0, from->node);
+    put_u8(out + 1, from->bus_state);
+    put_u16(out + 2, from->bitrate_kbps);
+    put_u8(out + 4, from->transmit_errors);
+    put_u8(out + 5, from->receive_errors);
+    put_u8(out + 6, from->last_error);
+    put_u32(out + 7, from->bus_offs);
+    put_u32(out + 11, from->frames_sent);
+    put_u32(out + 15, from->frames_received);
+    put_u32(out + 19, from->overruns);
+    put_u32(out + 23, from->discarded);
+    put_u32(out + 27, from->messages_dropped);
+    put_u32(out + 31, from->sequence_errors);
+    put_u32(out + 35, from->timeouts);
+    return PROTO_CAN_STATE_REPLY_SIZE;
+}
+
+bool proto_can_state_reply_decode(struct proto_can_state_reply *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_CAN_STATE_REPLY_SIZE) {
+        return false;
+    }
+    to->node = get_u8(in + 0);
+    to->bus_state = get_u8(in + 1);
+    to->bitrate_kbps = get_u16(in + 2);
+    to->transmit_errors = get_u8(in + 4);
+    to->receive_errors = get_u8(in + 5);
+    to->last_error = get_u8(in + 6);
+    to->bus_offs = get_u32(in + 7);
+    to->frames_sent = get_u32(in + 11);
+    to->frames_received = get_u32(in + 15);
+    to->overruns = get_u32(in + 19);
+    to->discarded = get_u32(in + 23);
+    to->messages_dropped = get_u32(in + 27);
+    to->sequence_errors = get_u32(in + 31);
+    to->timeouts = get_u32(in + 35);
+    return true;
+}
+
 size_t proto_refusal_encode(const struct proto_refusal *from, uint8_t *out, size_t capacity) {
     if (capacity < PROTO_REFUSAL_SIZE) {
         return 0;
@@ -922,6 +1026,11 @@ const char *proto_clock_source_name(unsigned value) {
     return value >= PROTO_CLOCK_SOURCE_COUNT ? "?" : names[value];
 }
 
+const char *proto_can_bus_state_name(unsigned value) {
+    static const char *const names[] = {"off", "joining", "active", "warning", "passive", "bus_off"};
+    return value >= PROTO_CAN_BUS_STATE_COUNT ? "?" : names[value];
+}
+
 const char *proto_parameter_kind_name(unsigned value) {
     static const char *const names[] = {"real", "integer", "flag"};
     return value >= PROTO_PARAMETER_KIND_COUNT ? "?" : names[value];
@@ -938,7 +1047,7 @@ const char *proto_refusal_reason_name(unsigned value) {
 }
 
 const char *proto_fault_name(unsigned bit) {
-    static const char *const names[] = {"encoder_left_implausible", "encoder_right_implausible", "battery_unread", "battery_low", "host_silent", "loop_overrun", "clock_fallback", "parameter_store_damaged", "encoder_left_lost", "encoder_right_lost", "encoder_left_reversed", "encoder_right_reversed", "wheel_left_stalled", "wheel_right_stalled", "overspeed", "brown_out", "program_fault", "watchdog_reset", "sequence_damaged"};
+    static const char *const names[] = {"encoder_left_implausible", "encoder_right_implausible", "battery_unread", "battery_low", "host_silent", "loop_overrun", "clock_fallback", "parameter_store_damaged", "encoder_left_lost", "encoder_right_lost", "encoder_left_reversed", "encoder_right_reversed", "wheel_left_stalled", "wheel_right_stalled", "overspeed", "brown_out", "program_fault", "watchdog_reset", "sequence_damaged", "can_bus_off"};
     return bit >= PROTO_FAULT_COUNT ? "?" : names[bit];
 }
 
@@ -1000,4 +1109,7 @@ const struct proto_parameter_info proto_parameters[PROTO_PARAMETER_COUNT] = {
     {"speed_from_edges", "", PROTO_PARAMETER_KIND_FLAG, 0.0f, 1.0f, 1.0f, 0xa2af2052u},
     {"overspeed_mps", "m/s", PROTO_PARAMETER_KIND_REAL, 0.1f, 50.0f, 2.0f, 0x83965e73u},
     {"stall_effort", "effort", PROTO_PARAMETER_KIND_REAL, 0.05f, 1.0f, 0.25f, 0xe9bd13d9u},
+    {"can_node", "", PROTO_PARAMETER_KIND_INTEGER, 1.0f, 63.0f, 1.0f, 0x3a013e09u},
+    {"can_bitrate_kbps", "kbit/s", PROTO_PARAMETER_KIND_INTEGER, 100.0f, 1000.0f, 1000.0f, 0x0717e48fu},
+    {"can_status_hz", "Hz", PROTO_PARAMETER_KIND_INTEGER, 0.0f, 100.0f, 10.0f, 0x2beda8bfu},
 };

@@ -14,7 +14,13 @@
 #define PROTO_LOG_BLOCK_SIZE 512u
 #define PROTO_LOG_BLOCK_COUNT 160u
 #define PROTO_LOG_RECORD_VERSION 1u
-#define PROTO_SCHEMA_HASH 0xadf94edcu
+#define PROTO_CAN_HOST_TO_BOARD 0x600u
+#define PROTO_CAN_BOARD_TO_HOST 0x640u
+#define PROTO_CAN_NODES 0x3fu
+#define PROTO_CAN_ANNOUNCE_BASE 0x680u /* its CAN id is this plus the node */
+#define PROTO_CAN_STATUS_BASE 0x6c0u /* its CAN id is this plus the node */
+#define PROTO_CAN_MOTION_BASE 0x700u /* its CAN id is this plus the node */
+#define PROTO_SCHEMA_HASH 0xa6fe1e6bu
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
@@ -42,6 +48,7 @@ enum proto_id {
     PROTO_ID_SET_EFFORT = 0x40, /* drive the wheels with a share of the supply, until the host falls silent; a log opens with the first such command, and odometry goes to zero */
     PROTO_ID_SET_VELOCITY = 0x41, /* hold wheel speeds, until the host falls silent; log and odometry as with set_effort */
     PROTO_ID_STOP = 0x42, /* brake both wheels now, in any state; ends a sequence; carried out each time it arrives */
+    PROTO_ID_CAN_STATE = 0x50, /* the CAN controller and its channel */
     PROTO_ID_REFUSAL = 0xff,
 };
 #define PROTO_REPLY_BIT 0x80u
@@ -119,6 +126,18 @@ enum proto_clock_source {
 enum { PROTO_CLOCK_SOURCE_COUNT = 3 };
 const char *proto_clock_source_name(unsigned value); /* "?" for a value that is none of them */
 
+/* what the board's CAN controller is doing */
+enum proto_can_bus_state {
+    PROTO_CAN_BUS_STATE_OFF = 0, /* no controller, or no bit timing for this bit rate from this clock */
+    PROTO_CAN_BUS_STATE_JOINING = 1, /* waits for the bus to fall idle: no transceiver, or a line held dominant, keeps it here */
+    PROTO_CAN_BUS_STATE_ACTIVE = 2, /* takes part */
+    PROTO_CAN_BUS_STATE_WARNING = 3, /* takes part; an error counter has reached 96 */
+    PROTO_CAN_BUS_STATE_PASSIVE = 4, /* takes part without the right to destroy others' frames; an error counter has passed 127 */
+    PROTO_CAN_BUS_STATE_BUS_OFF = 5, /* took itself off the bus after too many errors; it tries again after a pause */
+};
+enum { PROTO_CAN_BUS_STATE_COUNT = 6 };
+const char *proto_can_bus_state_name(unsigned value); /* "?" for a value that is none of them */
+
 /* how a parameter's value is read; all travel as f32 */
 enum proto_parameter_kind {
     PROTO_PARAMETER_KIND_REAL = 0,
@@ -189,6 +208,37 @@ struct proto_log_entry {
 };
 size_t proto_log_entry_encode(const struct proto_log_entry *from, uint8_t *out, size_t capacity);
 bool proto_log_entry_decode(struct proto_log_entry *to, const uint8_t *in, size_t length);
+
+#define PROTO_CAN_ANNOUNCE_SIZE 8u
+/* a board says that it is there, when asked */
+struct proto_can_announce {
+    uint32_t schema_hash; /* the board's */
+    uint32_t board; /* CRC-32 of the chip's unique id: two boards on one node number differ here */
+};
+size_t proto_can_announce_encode(const struct proto_can_announce *from, uint8_t *out, size_t capacity);
+bool proto_can_announce_decode(struct proto_can_announce *to, const uint8_t *in, size_t length);
+
+#define PROTO_CAN_STATUS_SIZE 8u
+/* how a board is, can_status_hz times a second */
+struct proto_can_status {
+    uint32_t faults; /* bits of the faults that are active or latched */
+    uint8_t state; /* state */
+    uint8_t mode; /* mode */
+    uint16_t battery; /* mV; 0 while unread */
+};
+size_t proto_can_status_encode(const struct proto_can_status *from, uint8_t *out, size_t capacity);
+bool proto_can_status_decode(struct proto_can_status *to, const uint8_t *in, size_t length);
+
+#define PROTO_CAN_MOTION_SIZE 8u
+/* what a board's wheels do, can_status_hz times a second */
+struct proto_can_motion {
+    int16_t speed_left; /* mm/s */
+    int16_t speed_right; /* mm/s */
+    int16_t effort_left; /* applied, 1e-4 of supply */
+    int16_t effort_right; /* applied, 1e-4 of supply */
+};
+size_t proto_can_motion_encode(const struct proto_can_motion *from, uint8_t *out, size_t capacity);
+bool proto_can_motion_decode(struct proto_can_motion *to, const uint8_t *in, size_t length);
 
 #define PROTO_HELLO_REQUEST_SIZE 6u
 /* who is there; answered whatever the versions. The frame format, this id, and the first 6 bytes each way never change */
@@ -498,6 +548,27 @@ struct proto_set_velocity_request {
 size_t proto_set_velocity_request_encode(const struct proto_set_velocity_request *from, uint8_t *out, size_t capacity);
 bool proto_set_velocity_request_decode(struct proto_set_velocity_request *to, const uint8_t *in, size_t length);
 
+#define PROTO_CAN_STATE_REPLY_SIZE 39u
+/* reply: the CAN controller and its channel */
+struct proto_can_state_reply {
+    uint8_t node; /* this board's number on the bus */
+    uint8_t bus_state; /* can_bus_state */
+    uint16_t bitrate_kbps;
+    uint8_t transmit_errors; /* transmit error counter */
+    uint8_t receive_errors; /* receive error counter */
+    uint8_t last_error; /* last error code, RM0090 CAN_ESR.LEC: 0 none, 1 stuff, 2 form, 3 acknowledgment, 4 and 5 bit, 6 CRC */
+    uint32_t bus_offs; /* times that the controller took itself off the bus */
+    uint32_t frames_sent;
+    uint32_t frames_received; /* that passed the filters */
+    uint32_t overruns; /* received frames lost for want of room */
+    uint32_t discarded; /* frames thrown away unsent, when the bus took none for 200 ms or the controller left it */
+    uint32_t messages_dropped; /* ISO-TP messages that came in whole with a bad length or CRC */
+    uint32_t sequence_errors; /* ISO-TP messages given up because a frame of theirs was lost */
+    uint32_t timeouts; /* ISO-TP messages given up because the peer fell silent */
+};
+size_t proto_can_state_reply_encode(const struct proto_can_state_reply *from, uint8_t *out, size_t capacity);
+bool proto_can_state_reply_decode(struct proto_can_state_reply *to, const uint8_t *in, size_t length);
+
 #define PROTO_REFUSAL_SIZE 6u
 /* the reply to a request that was refused */
 struct proto_refusal {
@@ -570,8 +641,9 @@ enum proto_fault {
     PROTO_FAULT_PROGRAM_FAULT = 1u << 16, /* the program failed, or its crystal stopped, and the board restarted; the registers were kept */
     PROTO_FAULT_WATCHDOG_RESET = 1u << 17, /* the program hung and the watchdog restarted the board */
     PROTO_FAULT_SEQUENCE_DAMAGED = 1u << 18, /* the sequence in memory no longer has the CRC that it was committed with */
+    PROTO_FAULT_CAN_BUS_OFF = 1u << 19, /* the CAN controller took itself off a bus that had worked: too many errors; it tries again ten times a second */
 };
-#define PROTO_FAULT_COUNT 19u
+#define PROTO_FAULT_COUNT 20u
 #define PROTO_FAULTS_THAT_STOP ((uint32_t)(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE | PROTO_FAULT_BATTERY_UNREAD | PROTO_FAULT_BATTERY_LOW | PROTO_FAULT_HOST_SILENT | PROTO_FAULT_LOOP_OVERRUN | PROTO_FAULT_PARAMETER_STORE_DAMAGED | PROTO_FAULT_ENCODER_LEFT_LOST | PROTO_FAULT_ENCODER_RIGHT_LOST | PROTO_FAULT_ENCODER_LEFT_REVERSED | PROTO_FAULT_ENCODER_RIGHT_REVERSED | PROTO_FAULT_WHEEL_LEFT_STALLED | PROTO_FAULT_WHEEL_RIGHT_STALLED | PROTO_FAULT_OVERSPEED | PROTO_FAULT_PROGRAM_FAULT | PROTO_FAULT_WATCHDOG_RESET | PROTO_FAULT_SEQUENCE_DAMAGED))
 const char *proto_fault_name(unsigned bit); /* bit: 0..31 */
 
@@ -612,8 +684,11 @@ enum proto_parameter {
     PROTO_PARAMETER_SPEED_FROM_EDGES = 32, /* velocity mode: 1 takes speed from the times of encoder edges, 0 from counts over 16 ms */
     PROTO_PARAMETER_OVERSPEED_MPS = 33, /* wheel speed above which the wheels stop, m/s */
     PROTO_PARAMETER_STALL_EFFORT = 34, /* effort that surely turns a free wheel: under it a wheel without counts is stalled or its encoder lost; above breakaway and scrub, effort */
+    PROTO_PARAMETER_CAN_NODE = 35, /* this board's number on the CAN bus; each board needs its own */
+    PROTO_PARAMETER_CAN_BITRATE_KBPS = 36, /* bit rate of the CAN bus, the same for all that share it; usual are 1000 and 500, kbit/s */
+    PROTO_PARAMETER_CAN_STATUS_HZ = 37, /* status broadcasts on the CAN bus per second; 0: none, Hz */
 };
-#define PROTO_PARAMETER_COUNT 35u
+#define PROTO_PARAMETER_COUNT 38u
 struct proto_parameter_info {
     const char *name;
     const char *unit;

@@ -115,6 +115,11 @@ def _log_header(schema: Schema) -> str:
 
 def header(schema: Schema) -> str:
     limits = [f"#define PROTO_{key.upper()} {value}u" for key, value in schema.limits.items()]
+    limits += [f"#define PROTO_CAN_{key.upper()} {value:#x}u" for key, value in schema.can.items()]
+    limits += [
+        f"#define PROTO_{b.record.name.upper()}_BASE {b.base:#x}u /* its CAN id is this plus the node */"
+        for b in schema.broadcasts
+    ]
     ids = [
         "/* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */",
         "enum proto_id {",

@@ -163,6 +163,9 @@ def _text(raw: bytes) -> str:
 def messages(schema: Schema) -> str:
     parts = [NOTICE % "Every message, packed and unpacked.", PRELUDE]
     parts += [_dataclass(s, []) for s in schema.structs]
+    for broadcast in schema.broadcasts:
+        base = [f"    BASE: ClassVar[int] = {broadcast.base:#05x}  # the CAN id is this plus the node"]
+        parts.append(_dataclass(broadcast.record, base))
     parts.append(_dataclass(Record("ack", "an empty reply: done", ()), []))
     replies = {m.name: class_name(m.reply.name) if m.reply else "Ack" for m in schema.messages}
     for message in schema.messages:
@@ -227,6 +230,7 @@ def tables(schema: Schema) -> str:
         f"{key.upper() if key != 'version' else 'PROTOCOL_VERSION'}: Final = {value}"
         for key, value in schema.limits.items()
     ]
+    lines += [f"CAN_{key.upper()}: Final = {value:#x}" for key, value in schema.can.items()]
     lines += [
         f"SCHEMA_HASH: Final = {schema.hash:#010x}",
         f"REFUSAL_ID: Final = {schema.refusal_id:#04x}",

@@ -29,6 +29,9 @@ class Field:
     count: int  # 1 for a plain scalar; array length; 0 for a tail
     doc: str
     predict: str = ""
+    scale: float = 1.0  # of a broadcast's field: physical value of one step
+    unit: str = ""
+    signals: str = ""  # of a broadcast's field: the enum that names its values, or "fault" for bits
 
     @property
     def is_tail(self) -> bool:
@@ -80,6 +83,14 @@ class Message:
 
 
 @dataclass(frozen=True)
+class Broadcast:
+    """A CAN frame that a board sends unasked; its id is `base` plus the node."""
+
+    base: int
+    record: Record
+
+
+@dataclass(frozen=True)
 class Enum:
     name: str
     doc: str
@@ -122,13 +133,15 @@ class Schema:
     refusal: Record
     log_header: Record
     log_record: Record
+    can: dict[str, int]
+    broadcasts: tuple[Broadcast, ...]
     parameters: tuple[Parameter, ...]
     faults: tuple[Fault, ...]
     hash: int
 
     def records(self) -> list[Record]:
         """Everything that is packed into bytes, in the schema's order."""
-        found = [*self.structs]
+        found = [*self.structs, *(b.record for b in self.broadcasts)]
         for message in self.messages:
             if message.request.fields:
                 found.append(message.request)
@@ -147,7 +160,8 @@ def _field(raw: dict[str, Any], owner: str) -> Field:
     text, name, doc = raw["type"], raw["name"], raw["doc"]
     predict = raw.get("predict", "")
     if text in SCALAR_SIZES:
-        return Field(name, text, 1, doc, predict)
+        physical = raw.get("scale", 1.0), raw.get("unit", ""), raw.get("signals", "")
+        return Field(name, text, 1, doc, predict, *physical)
     if text == "bytes":
         return Field(name, "bytes", 0, doc)
     if match := _STRUCT_TAIL.match(text):
@@ -206,6 +220,13 @@ def _check_keys(parameters: tuple[Parameter, ...]) -> None:
         seen[parameter.key] = parameter.name
 
 
+def _broadcast(raw: dict[str, Any]) -> Broadcast:
+    record = _record(raw["name"], raw["doc"], raw["fields"])
+    if record.size > 8 or record.tail is not None:
+        raise SchemaError(f"{record.name}: a CAN frame holds 8 bytes")
+    return Broadcast(raw["base"], record)
+
+
 def load(path: Path) -> Schema:
     """Read and check the schema file; raises SchemaError naming the entry that is wrong."""
     raw = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -239,6 +260,8 @@ def load(path: Path) -> Schema:
         refusal=_record("refusal", raw["refusal"]["doc"], raw["refusal"]["fields"]),
         log_header=_record("log_header", raw["log_header"]["doc"], raw["log_header"]["fields"]),
         log_record=_record("log_record", raw["log_record"]["doc"], raw["log_record"]["fields"]),
+        can=raw["can"],
+        broadcasts=tuple(_broadcast(b) for b in raw["broadcast"]),
         parameters=parameters,
         faults=tuple(Fault(f["name"], f["stops"], f["cause"], f["next_step"]) for f in raw["fault"]),
         hash=schema_hash(raw),

@@ -48,6 +48,11 @@ def _messages(schema: Schema) -> list[str]:
     ]
     for struct in schema.structs:
         lines += [f"#### {struct.name}: {struct.doc} ({struct.size} bytes)", "", *_record(struct)]
+    lines += ["### CAN broadcasts", "", "The id of each is its base plus the board's node, 1 to 63.", ""]
+    for broadcast in schema.broadcasts:
+        record = broadcast.record
+        doc = record.doc[0].upper() + record.doc[1:]
+        lines += [f"#### `{broadcast.base:#x}` + node: {record.name}", "", f"{doc}.", "", *_record(record)]
     return lines
 
 

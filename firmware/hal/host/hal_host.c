@@ -20,6 +20,7 @@ void hal_host_init(struct hal_host *board)
         0x0E; /* power-on, pin and brown-out flags, as after connecting the supply */
     board->identity.boot_id = 1;
     board->line_room = SIZE_MAX;
+    board->can_room = SIZE_MAX;
     memset(board->store, 0xFF, sizeof board->store);
     board->store_cut_at = UINT32_MAX;
     board->store_refuse_at = UINT32_MAX;
@@ -109,6 +110,44 @@ size_t hal_link_write(const uint8_t *data, size_t length)
         current->line_room -= taken;
     }
     return taken;
+}
+
+void hal_can_start(uint32_t bits_per_s, const uint16_t ids[2])
+{
+    current->can_bits_per_s = bits_per_s;
+    current->can_ids[0] = ids[0];
+    current->can_ids[1] = ids[1];
+}
+
+bool hal_can_read(struct hal_can_frame *out)
+{
+    while (current->can_received_at < current->can_received_count) {
+        *out = current->can_received[current->can_received_at++];
+        if (out->id == current->can_ids[0] || out->id == current->can_ids[1]) {
+            return true;
+        }
+    }
+    current->can_received_at = 0;
+    current->can_received_count = 0;
+    return false;
+}
+
+size_t hal_can_writable(void)
+{
+    return least(current->can_room, HAL_HOST_CAN_FRAMES - current->can_sent_count);
+}
+
+void hal_can_write(const struct hal_can_frame *frame)
+{
+    if (hal_can_writable() > 0) {
+        current->can_sent[current->can_sent_count++] = *frame;
+        current->can_room -= current->can_room != SIZE_MAX ? 1u : 0u;
+    }
+}
+
+void hal_can_report(struct hal_can_report *out)
+{
+    *out = current->can_report;
 }
 
 void hal_watchdog_feed(void)

@@ -5,7 +5,12 @@
 #include "hal.h"
 
 /* A tick's time passes from one look at the sensors to the next. */
-enum { HAL_HOST_RECEIVE_SIZE = 8192, HAL_HOST_SEND_SIZE = 65536, HAL_HOST_TICK_US = 1000 };
+enum {
+    HAL_HOST_RECEIVE_SIZE = 8192,
+    HAL_HOST_SEND_SIZE = 65536,
+    HAL_HOST_TICK_US = 1000,
+    HAL_HOST_CAN_FRAMES = 512
+};
 
 struct hal_host {
     struct hal_sample sample; /* what the core senses */
@@ -28,6 +33,15 @@ struct hal_host {
     uint32_t store_noise;     /* decides which bits an operation cut off has reached */
     bool store_dead;          /* the power has failed */
     uint32_t erase_ticks;     /* control ticks that an erase costs */
+    struct hal_can_frame can_received[HAL_HOST_CAN_FRAMES]; /* on their way to the core */
+    size_t can_received_count;
+    size_t can_received_at;
+    struct hal_can_frame can_sent[HAL_HOST_CAN_FRAMES]; /* written by the core, not yet taken by the caller */
+    size_t can_sent_count;
+    size_t can_room;         /* frames that the bus still takes; SIZE_MAX: no limit */
+    uint32_t can_bits_per_s; /* what the core joined the bus with */
+    uint16_t can_ids[2];
+    struct hal_can_report can_report;
 };
 
 /* A board at rest with 12 V, whose line takes everything and whose store is blank. */

@@ -1,5 +1,6 @@
 """The virtual robot: the flashed image on a virtual STM32F405, wired to a simulated robot."""
 
+from hil_sim.can_bus import CanFrame, CanTotals, VirtualCanBus
 from hil_sim.elf import ElfError, Image
 from hil_sim.hidden import HiddenEffects
 from hil_sim.plant import PlantError, PlantState, RobotParameters
@@ -16,6 +17,8 @@ from hil_sim.robot import (
 __all__ = [
     "BoardStats",
     "BoardWarning",
+    "CanFrame",
+    "CanTotals",
     "ElfError",
     "EncoderFault",
     "ExceptionCost",
@@ -25,6 +28,7 @@ __all__ = [
     "PlantState",
     "ResetCause",
     "RobotParameters",
+    "VirtualCanBus",
     "VirtualRobot",
     "VirtualRobotError",
 ]

@@ -36,6 +36,23 @@ class Stats(ctypes.Structure):
     ]
 
 
+class CanBusFrame(ctypes.Structure):
+    """`struct can_bus_frame` of can_bus.h."""
+
+    _fields_ = [
+        ("time_us", _U64),
+        ("id", _U32),
+        *((name, _U8) for name in ("extended", "remote", "length")),
+        ("data", _U8 * 8),
+    ]
+
+
+class CanBusTotals(ctypes.Structure):
+    """`struct can_bus_totals` of can_bus.h."""
+
+    _fields_ = [(name, _U64) for name in ("frames", "bits", "damaged", "unacknowledged")]
+
+
 _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rig_create": (_P, [_P, _U64, ctypes.c_char_p, _BOOL]),
     "rig_destroy": (None, [_P]),
@@ -67,6 +84,18 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rig_power": (None, [_P, _BOOL]),
     "rig_reset": (None, [_P, _INT]),
     "board_set_flash_slow": (None, [_P, _BOOL]),
+    "can_bus_create": (_P, [_DOUBLE]),
+    "can_bus_destroy": (None, [_P]),
+    "can_bus_bit_rate": (None, [_P, _DOUBLE]),
+    "can_bus_attach": (_BOOL, [_P, _P]),
+    "can_bus_detach": (None, [_P, _P]),
+    "can_bus_run_us": (None, [_P, _U64]),
+    "can_bus_write": (_BOOL, [_P, _P]),
+    "can_bus_read": (_BOOL, [_P, _P]),
+    "can_bus_connect_host": (None, [_P, _BOOL]),
+    "can_bus_short": (None, [_P, _BOOL]),
+    "can_bus_damage": (None, [_P, _U64]),
+    "can_bus_totals": (None, [_P, _P]),
     "board_cut_power_at_flash_write": (None, [_P, _I64]),
     "board_cut_power_at_instruction": (None, [_P, _I64]),
     "board_read_memory": (_BOOL, [_P, _U32, _P, _SIZE]),

@@ -206,6 +206,14 @@ class PtyPort:
                 return os.read(self._master, _CHUNK)
         return b""
 
+    def send_some(self, data: bytes) -> int:
+        """Send what the terminal takes; return how much that was. Without a reader all of it is lost."""
+        if not self._open_elsewhere():
+            return len(data)
+        with contextlib.suppress(BlockingIOError, OSError):
+            return os.write(self._master, data)
+        return 0
+
     def send(self, data: bytes) -> None:
         """Send to whoever has the terminal open; without one, or when its buffer is full, bytes are lost."""
         if data and self._open_elsewhere():

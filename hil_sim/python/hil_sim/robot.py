@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from hil_sim import native
+from hil_sim.can_bus import VirtualCanBus
 from hil_sim.elf import Image
 from hil_sim.hidden import HiddenEffects, hidden_to_native
 from hil_sim.plant import PlantState, RobotParameters, new_native_state, state_from_native, to_native
@@ -120,6 +121,7 @@ class VirtualRobot:
         library: Path | None = None,
     ) -> None:
         self._rig: int | None = None
+        self._bus: VirtualCanBus | None = None
         if len(board_id) != 12:
             raise VirtualRobotError(f"a board id has 12 bytes, not {len(board_id)}")
         self._buffer = ctypes.create_string_buffer(_BUFFER_SIZE)
@@ -143,6 +145,8 @@ class VirtualRobot:
     def close(self) -> None:
         """Free the board; nothing may be called afterwards."""
         if self._rig is not None:
+            if self._bus is not None:
+                self._bus.detach(self)
             self._library.rig_destroy(self._rig)
             self._rig = None
 
@@ -170,8 +174,19 @@ class VirtualRobot:
         return self.time_us * 1e-6
 
     def run_us(self, n: int) -> None:
-        """Advance virtual time by `n` microseconds; how a span is split into calls changes nothing."""
+        """Advance virtual time by `n` microseconds; how a span is split into calls changes nothing.
+
+        On a CAN bus the time of all its boards advances.
+        """
+        if self._bus is not None:
+            self._bus.run_us(n)
+            return
         self._library.rig_run_us(self._rig, n)
+
+    @property
+    def can_bus(self) -> VirtualCanBus | None:
+        """The CAN bus that the board is plugged into."""
+        return self._bus
 
     # the link (USART3)
 

@@ -9,8 +9,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from hil_sim.can_bus import VirtualCanBus
 from hil_sim.ports import Port, PtyPort, TcpPort
 from hil_sim.robot import VirtualRobot
+from hil_sim.slcan import SlcanPort
 
 SLICE_US = 1000
 """Virtual time that passes between two looks at the ports, microseconds."""
@@ -27,12 +29,15 @@ class ServeOptions:
     tcp : address and port to listen at (port 0: any free one); None: no TCP.
     pty : whether to make a pseudo-terminal.
     pty_link : where to put a symbolic link to it.
+    slcan_link : where to put a symbolic link to a pseudo-terminal that is a CAN adapter (slcan); the board is
+        then on a bus, and so are those that the caller has put on it.
     factor : virtual seconds in one real second; None: as fast as it can.
     """
 
     tcp: tuple[str, int] | None = ("127.0.0.1", 0)
     pty: bool = False
     pty_link: Path | None = None
+    slcan_link: Path | None = None
     factor: float | None = 1.0
 
 
@@ -63,6 +68,7 @@ class Server:
         self._selector = selectors.DefaultSelector()
         self.tcp: TcpPort | None = None
         self.pty: PtyPort | None = None
+        self.slcan: SlcanPort | None = None
         try:
             if options.tcp is not None:
                 self.tcp = TcpPort(options.tcp, self._selector, announce)
@@ -70,6 +76,11 @@ class Server:
             if options.pty or options.pty_link is not None:
                 self.pty = PtyPort(options.pty_link, self._selector, announce)
                 self._ports.append(self.pty)
+            if options.slcan_link is not None:
+                bus = robot.can_bus or VirtualCanBus()
+                if robot.can_bus is None:
+                    bus.attach(robot)
+                self.slcan = SlcanPort(bus, options.slcan_link, self._selector, announce)
         except OSError:
             self.close()
             raise
@@ -78,6 +89,8 @@ class Server:
         """Close the ports; the robot stays as it is."""
         for port in self._ports:
             port.close()
+        if self.slcan is not None:
+            self.slcan.close()
         self._ports.clear()
         self._selector.close()
 
@@ -100,6 +113,8 @@ class Server:
                     self.lag_s -= wait_s
                     origin_s -= wait_s
             self._collect(max(0.0, wait_s))
+            if self.slcan is not None:
+                self.slcan.exchange()
             self.robot.run_us(SLICE_US)
             sent = self.robot.link_read()
             for port in self._ports:

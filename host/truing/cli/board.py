@@ -46,6 +46,11 @@ class _Speed(click.ParamType[float | None]):
     type=click.Path(path_type=Path),
     help="Make this symbolic link to the pseudo-terminal, whose own name changes.",
 )
+@click.option(
+    "--can",
+    type=click.Path(path_type=Path),
+    help="Put the board on a CAN bus, reached through this link to a pseudo-terminal (slcan).",
+)
 @click.option("--speed", type=_Speed(), default="1", show_default=True, help="Pace: 1 is real time.")
 @virtual_options
 @json_option
@@ -54,6 +59,7 @@ def command(
     tcp: str,
     pty: bool,
     link: Path | None,
+    can: Path | None,
     speed: float | None,
     seed: int | None,
     robot: Path | None,
@@ -75,9 +81,11 @@ def command(
     from truing.virtual_board import make_virtual_robot
 
     address = _address(tcp)
-    if address is None and not pty and link is None:
-        raise click.UsageError("nobody could connect: give --tcp, --pty or --link")
-    options = ServeOptions(tcp=address, pty=pty or link is not None, pty_link=link, factor=speed)
+    if address is None and not pty and link is None and can is None:
+        raise click.UsageError("nobody could connect: give --tcp, --pty, --link or --can")
+    options = ServeOptions(
+        tcp=address, pty=pty or link is not None, pty_link=link, slcan_link=can, factor=speed
+    )
     with make_virtual_robot(VirtualOptions(1 if seed is None else seed, image, robot)) as virtual:
         try:
             server = Server(virtual, options, app.note)
@@ -92,6 +100,8 @@ def command(
             ports.append(f"tcp:{server.tcp.address[0]}:{server.tcp.address[1]}")
         if server.pty is not None:
             ports.append(str(link or server.pty.name))
+        if can is not None:
+            ports.append(f"can:slcan:{can}")
         app.emit({"ports": ports})
         for port in ports:
             app.say(f"connect with: truing --port {port} info")

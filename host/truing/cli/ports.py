@@ -11,14 +11,21 @@ from truing.cli.options import json_option
 
 
 @click.command()
+@click.option(
+    "--can", "can_bus", metavar="INTERFACE:CHANNEL[@BITRATE]", help="Call the boards on this CAN bus instead."
+)
 @json_option
-def command(app: App) -> None:
+def command(app: App, can_bus: str | None) -> None:
     """List where a board may be.
 
     \b
     Example:
       truing ports
+      truing ports --can socketcan:can0
     """
+    if can_bus is not None:
+        _list_nodes(app, can_bus)
+        return
     from rich.table import Table
 
     from truing.link.connect import list_ports
@@ -31,4 +38,32 @@ def command(app: App) -> None:
     table = Table("port", "adapter", "may be a board")
     for port in ports:
         table.add_row(port.device, port.description, "yes" if port.likely else "")
+    app.show(table)
+
+
+def _list_nodes(app: App, where: str) -> None:
+    from rich.table import Table
+
+    from truing.link.can_bus import AdapterBus
+    from truing.link.can_stream import discover
+    from truing.link.connect import can_address
+    from truing_protocol import SCHEMA_HASH
+
+    address = can_address(where)
+    bus = AdapterBus(address.interface, address.channel, address.bit_rate)
+    try:
+        nodes = discover(bus)
+    finally:
+        bus.close()
+    app.emit([asdict(node) for node in nodes])
+    if not nodes:
+        app.say(f"No board answers on {bus.name} at {address.bit_rate} bit/s.")
+        return
+    table = Table("port", "board", "")
+    numbers = [node.node for node in nodes]
+    for node in nodes:
+        remark = "" if node.schema_hash == SCHEMA_HASH else "another firmware version"
+        if numbers.count(node.node) > 1:
+            remark = "two boards with one number: give one another can_node over its serial port"
+        table.add_row(f"{bus.name}@{address.bit_rate}/{node.node}", f"{node.board:08x}", remark)
     app.show(table)

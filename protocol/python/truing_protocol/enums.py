@@ -73,6 +73,17 @@ class ClockSource(IntEnum):
     INTERNAL = 2
 
 
+class CanBusState(IntEnum):
+    """What the board's CAN controller is doing."""
+
+    OFF = 0  # no controller, or no bit timing for this bit rate from this clock
+    JOINING = 1  # waits for the bus to fall idle: no transceiver, or a line held dominant, keeps it here
+    ACTIVE = 2  # takes part
+    WARNING = 3  # takes part; an error counter has reached 96
+    PASSIVE = 4  # takes part without the right to destroy others' frames; an error counter has passed 127
+    BUS_OFF = 5  # took itself off the bus after too many errors; it tries again after a pause
+
+
 class ParameterKind(IntEnum):
     """How a parameter's value is read; all travel as f32."""
 

@@ -114,6 +114,85 @@ class LogEntry:
         )
 
 
+_CAN_ANNOUNCE = struct.Struct("<II")
+
+
+@dataclass(frozen=True, slots=True)
+class CanAnnounce:
+    """A board says that it is there, when asked."""
+
+    SIZE: ClassVar[int] = 8
+    BASE: ClassVar[int] = 0x680  # the CAN id is this plus the node
+
+    schema_hash: int  # the board's
+    board: int  # CRC-32 of the chip's unique id: two boards on one node number differ here
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _CAN_ANNOUNCE.pack(self.schema_hash, self.board)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> CanAnnounce:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 8, False, cls)
+        v = _CAN_ANNOUNCE.unpack_from(payload)
+        return cls(schema_hash=v[0], board=v[1])
+
+
+_CAN_STATUS = struct.Struct("<IBBH")
+
+
+@dataclass(frozen=True, slots=True)
+class CanStatus:
+    """How a board is, can_status_hz times a second."""
+
+    SIZE: ClassVar[int] = 8
+    BASE: ClassVar[int] = 0x6c0  # the CAN id is this plus the node
+
+    faults: int  # bits of the faults that are active or latched
+    state: int  # state
+    mode: int  # mode
+    battery: int  # mV; 0 while unread
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _CAN_STATUS.pack(self.faults, self.state, self.mode, self.battery)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> CanStatus:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 8, False, cls)
+        v = _CAN_STATUS.unpack_from(payload)
+        return cls(faults=v[0], state=v[1], mode=v[2], battery=v[3])
+
+
+_CAN_MOTION = struct.Struct("<hhhh")
+
+
+@dataclass(frozen=True, slots=True)
+class CanMotion:
+    """What a board's wheels do, can_status_hz times a second."""
+
+    SIZE: ClassVar[int] = 8
+    BASE: ClassVar[int] = 0x700  # the CAN id is this plus the node
+
+    speed_left: int  # mm/s
+    speed_right: int  # mm/s
+    effort_left: int  # applied, 1e-4 of supply
+    effort_right: int  # applied, 1e-4 of supply
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _CAN_MOTION.pack(self.speed_left, self.speed_right, self.effort_left, self.effort_right)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> CanMotion:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 8, False, cls)
+        v = _CAN_MOTION.unpack_from(payload)
+        return cls(speed_left=v[0], speed_right=v[1], effort_left=v[2], effort_right=v[3])
+
+
 _ACK = struct.Struct("<")
 
 
@@ -1352,6 +1431,85 @@ class StopRequest:
     def unpack_reply(payload: bytes) -> Ack:
         """Read this request's reply."""
         return Ack.unpack(payload)
+
+
+_CAN_STATE_REPLY = struct.Struct("<BBHBBBIIIIIIII")
+
+
+@dataclass(frozen=True, slots=True)
+class CanStateReply:
+    """Reply: the CAN controller and its channel."""
+
+    SIZE: ClassVar[int] = 39
+
+    node: int  # this board's number on the bus
+    bus_state: int  # can_bus_state
+    bitrate_kbps: int
+    transmit_errors: int  # transmit error counter
+    receive_errors: int  # receive error counter
+    last_error: int  # last error code, RM0090 CAN_ESR.LEC: 0 none, 1 stuff, 2 form, 3 acknowledgment, 4 and 5 bit, 6 CRC
+    bus_offs: int  # times that the controller took itself off the bus
+    frames_sent: int
+    frames_received: int  # that passed the filters
+    overruns: int  # received frames lost for want of room
+    discarded: int  # frames thrown away unsent, when the bus took none for 200 ms or the controller left it
+    messages_dropped: int  # ISO-TP messages that came in whole with a bad length or CRC
+    sequence_errors: int  # ISO-TP messages given up because a frame of theirs was lost
+    timeouts: int  # ISO-TP messages given up because the peer fell silent
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _CAN_STATE_REPLY.pack(self.node, self.bus_state, self.bitrate_kbps, self.transmit_errors, self.receive_errors, self.last_error, self.bus_offs, self.frames_sent, self.frames_received, self.overruns, self.discarded, self.messages_dropped, self.sequence_errors, self.timeouts)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> CanStateReply:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 39, False, cls)
+        v = _CAN_STATE_REPLY.unpack_from(payload)
+        return cls(
+            node=v[0],
+            bus_state=v[1],
+            bitrate_kbps=v[2],
+            transmit_errors=v[3],
+            receive_errors=v[4],
+            last_error=v[5],
+            bus_offs=v[6],
+            frames_sent=v[7],
+            frames_received=v[8],
+            overruns=v[9],
+            discarded=v[10],
+            messages_dropped=v[11],
+            sequence_errors=v[12],
+            timeouts=v[13],
+        )
+
+
+_CAN_STATE_REQUEST = struct.Struct("<")
+
+
+@dataclass(frozen=True, slots=True)
+class CanStateRequest:
+    """The CAN controller and its channel."""
+
+    SIZE: ClassVar[int] = 0
+    ID: ClassVar[int] = 0x50
+    NAME: ClassVar[str] = "can_state"
+    CHANGES: ClassVar[bool] = False
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _CAN_STATE_REQUEST.pack()
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> CanStateRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 0, False, cls)
+        return cls()
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> CanStateReply:
+        """Read this request's reply."""
+        return CanStateReply.unpack(payload)
 
 
 _REFUSAL = struct.Struct("<BBI")

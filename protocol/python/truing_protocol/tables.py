@@ -18,7 +18,10 @@ MAX_SEGMENTS: Final = 256
 LOG_BLOCK_SIZE: Final = 512
 LOG_BLOCK_COUNT: Final = 160
 LOG_RECORD_VERSION: Final = 1
-SCHEMA_HASH: Final = 0xadf94edc
+CAN_HOST_TO_BOARD: Final = 0x600
+CAN_BOARD_TO_HOST: Final = 0x640
+CAN_NODES: Final = 0x3f
+SCHEMA_HASH: Final = 0xa6fe1e6b
 REFUSAL_ID: Final = 0xff
 REPLY_BIT: Final = 0x80
 
@@ -88,6 +91,9 @@ PARAMETERS: Final[tuple[ParameterInfo, ...]] = (
     ParameterInfo(32, "speed_from_edges", "", ParameterKind.FLAG, 0.0, 1.0, 1.0, "velocity mode: 1 takes speed from the times of encoder edges, 0 from counts over 16 ms"),
     ParameterInfo(33, "overspeed_mps", "m/s", ParameterKind.REAL, 0.1, 50.0, 2.0, "wheel speed above which the wheels stop"),
     ParameterInfo(34, "stall_effort", "effort", ParameterKind.REAL, 0.05, 1.0, 0.25, "effort that surely turns a free wheel: under it a wheel without counts is stalled or its encoder lost; above breakaway and scrub"),
+    ParameterInfo(35, "can_node", "", ParameterKind.INTEGER, 1.0, 63.0, 1.0, "this board's number on the CAN bus; each board needs its own"),
+    ParameterInfo(36, "can_bitrate_kbps", "kbit/s", ParameterKind.INTEGER, 100.0, 1000.0, 1000.0, "bit rate of the CAN bus, the same for all that share it; usual are 1000 and 500"),
+    ParameterInfo(37, "can_status_hz", "Hz", ParameterKind.INTEGER, 0.0, 100.0, 10.0, "status broadcasts on the CAN bus per second; 0: none"),
 )
 
 FAULTS: Final[tuple[FaultInfo, ...]] = (
@@ -223,6 +229,13 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
         True,
         "the sequence in memory no longer has the CRC that it was committed with",
         "clear the fault and upload the plan again; if it comes back, the board's memory is failing",
+    ),
+    FaultInfo(
+        19,
+        "can_bus_off",
+        False,
+        "the CAN controller took itself off a bus that had worked: too many errors; it tries again ten times a second",
+        "check CAN_H, CAN_L, both 120 ohm resistors, and that all nodes have the same bit rate",
     ),
 )
 

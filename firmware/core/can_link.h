@@ -1,0 +1,62 @@
+/* The link over CAN: frames without COBS as ISO-TP messages, calls to all boards, and status broadcasts.
+ *
+ * Ids and layouts are the schema's: requests come on PROTO_CAN_HOST_TO_BOARD + node, replies go out on
+ * PROTO_CAN_BOARD_TO_HOST + node. */
+#ifndef CAN_LINK_H
+#define CAN_LINK_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "frame.h"
+#include "hal.h"
+#include "isotp.h"
+#include "proto.h"
+
+enum {
+    /* Three full replies and three short ones: what SPEC.md promises may wait for the line. */
+    CAN_LINK_QUEUE_SIZE = 3 * (FRAME_MAX_PLAIN + 2) + 512,
+    CAN_LINK_BLOCK = 8,   /* frames that a host may send before it waits: a fraction of the driver's queue */
+    CAN_LINK_RESERVE = 4, /* frames of the driver's queue that bulk data leave for flow control and status */
+    CAN_LINK_SPREAD_MS = 64, /* boards answer a call after a delay of 1 to this */
+};
+
+enum can_link_event { CAN_LINK_NOTHING, CAN_LINK_REQUEST, CAN_LINK_STOP };
+
+struct can_link {
+    struct isotp channel;
+    uint8_t message[FRAME_MAX_PLAIN]; /* received */
+    uint8_t sending[FRAME_MAX_PLAIN];
+    uint8_t queue[CAN_LINK_QUEUE_SIZE]; /* replies behind it, each with its length in two bytes before it */
+    uint16_t queue_first;
+    uint16_t queue_length;
+    uint32_t dropped;
+    uint32_t bits_per_s;
+    uint32_t board; /* CRC-32 of the board's id */
+    uint8_t node;
+    bool announce_due;
+    uint32_t announce_at_ms;
+    uint32_t status_at_ms;
+};
+
+void can_link_init(struct can_link *link, const uint8_t *board_id, size_t board_id_length);
+
+/* Joins the bus as `node`, when that is not the case already and nothing waits to be sent. */
+void can_link_configure(struct can_link *link, uint8_t node, uint32_t bits_per_s);
+
+/* What has come in: a sound request in *out, or a call to all boards to stop. */
+enum can_link_event can_link_receive(struct can_link *link, uint32_t now_ms, struct frame *out);
+
+bool can_link_has_room(const struct can_link *link, size_t size);
+void can_link_send(struct can_link *link, uint8_t id, uint16_t sequence, const uint8_t *payload,
+                   size_t length);
+
+/* Hands frames to the driver, as many as it takes. */
+void can_link_flush(struct can_link *link, uint32_t now_ms);
+
+/* Whether a status broadcast is due now, `rate_hz` times a second; 0: never. It counts as sent. */
+bool can_link_status_due(struct can_link *link, uint32_t now_ms, uint32_t rate_hz);
+void can_link_broadcast(struct can_link *link, const struct proto_status_reply *status);
+
+#endif

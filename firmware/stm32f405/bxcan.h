@@ -1,0 +1,21 @@
+/* Moves frames between CAN1 and two queues, by interrupt; rejoins the bus after it had to leave it. */
+#ifndef BXCAN_H
+#define BXCAN_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* Prepares pins and interrupts; hal_can_start joins the bus. */
+void bxcan_prepare(uint32_t bus_hz);
+
+/* Every millisecond, from the tick: recovery from bus-off, and an end for frames that nobody takes. */
+void bxcan_tick(void);
+
+/* Whether the main loop should look: frames wait to be read, or there is room for more to be sent. */
+bool bxcan_take_call(void);
+
+void CAN1_TX_Handler(void);
+void CAN1_RX0_Handler(void);
+void CAN1_SCE_Handler(void);
+
+#endif

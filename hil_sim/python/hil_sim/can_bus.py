@@ -1,0 +1,132 @@
+"""A CAN bus in virtual time that several virtual robots share, and the host's node on it."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from hil_sim import native
+
+if TYPE_CHECKING:
+    from hil_sim.robot import VirtualRobot
+
+
+@dataclass(frozen=True, slots=True)
+class CanFrame:
+    """One frame of classic CAN.
+
+    Attributes
+    ----------
+    id : 11 bits, or 29 when `extended`.
+    time_us : virtual time at which it ended; 0 for frames to be sent.
+    """
+
+    id: int
+    data: bytes = b""
+    extended: bool = False
+    remote: bool = False
+    time_us: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class CanTotals:
+    """What a bus has carried: whole frames, all bits, and attempts that failed."""
+
+    frames: int
+    bits: int
+    damaged: int
+    unacknowledged: int
+
+
+class VirtualCanBus:
+    """A bus with the host as one node; boards are plugged in with `attach` and then share its time.
+
+    Parameters
+    ----------
+    bit_rate : of the host's node, bit/s; each board has its own setting.
+    """
+
+    def __init__(self, bit_rate: float = 1e6) -> None:
+        self._library = native.load()
+        self._bus: int | None = self._library.can_bus_create(bit_rate)
+        if self._bus is None:
+            raise MemoryError("no memory for a CAN bus")
+        self.robots: list[VirtualRobot] = []
+
+    def close(self) -> None:
+        """Unplug all boards and free the bus."""
+        if self._bus is not None:
+            for robot in tuple(self.robots):
+                self.detach(robot)
+            self._library.can_bus_destroy(self._bus)
+            self._bus = None
+
+    def __del__(self) -> None:
+        self.close()
+
+    def attach(self, robot: VirtualRobot) -> None:
+        """Plug a board in.
+
+        Raises
+        ------
+        ValueError : its time is not that of the others, it is on a bus already, or there are 16 boards.
+        """
+        if robot._bus is not None or not self._library.can_bus_attach(self._bus, robot._rig):
+            raise ValueError("a board joins one bus, at the time of the boards that are there, 16 at most")
+        robot._bus = self
+        self.robots.append(robot)
+
+    def detach(self, robot: VirtualRobot) -> None:
+        """Unplug a board."""
+        self._library.can_bus_detach(self._bus, robot._rig)
+        robot._bus = None
+        self.robots.remove(robot)
+
+    def run_us(self, n: int) -> None:
+        """Advance the virtual time of all boards by `n` microseconds."""
+        self._library.can_bus_run_us(self._bus, n)
+
+    @property
+    def time_s(self) -> float:
+        """Virtual time of the boards, seconds."""
+        return self.robots[0].time_s if self.robots else 0.0
+
+    def write(self, frame: CanFrame) -> bool:
+        """Let the host send a frame, from now on; False: 1024 wait already."""
+        raw = native.CanBusFrame(
+            id=frame.id, extended=frame.extended, remote=frame.remote, length=len(frame.data)
+        )
+        ctypes.memmove(raw.data, frame.data, len(frame.data))
+        return bool(self._library.can_bus_write(self._bus, ctypes.byref(raw)))
+
+    def read(self) -> CanFrame | None:
+        """Return the oldest frame of the boards that the host has heard; None: there is none."""
+        raw = native.CanBusFrame()
+        if not self._library.can_bus_read(self._bus, ctypes.byref(raw)):
+            return None
+        return CanFrame(
+            raw.id, bytes(raw.data[: raw.length]), bool(raw.extended), bool(raw.remote), raw.time_us
+        )
+
+    def set_bit_rate(self, bit_rate: float) -> None:
+        """Set the bit rate of the host's node; nodes that differ by more than 1.5 % destroy frames."""
+        self._library.can_bus_bit_rate(self._bus, bit_rate)
+
+    def set_host_connected(self, connected: bool) -> None:
+        """Unplug the host: it neither acknowledges nor hears."""
+        self._library.can_bus_connect_host(self._bus, connected)
+
+    def set_shorted(self, shorted: bool) -> None:
+        """Let both wires touch: every attempt to send fails at its first bit."""
+        self._library.can_bus_short(self._bus, shorted)
+
+    def damage(self, frames: int) -> None:
+        """Spoil this many of the next frames on the wire; their senders repeat them."""
+        self._library.can_bus_damage(self._bus, frames)
+
+    def totals(self) -> CanTotals:
+        """Return what the bus has carried."""
+        raw = native.CanBusTotals()
+        self._library.can_bus_totals(self._bus, ctypes.byref(raw))
+        return CanTotals(raw.frames, raw.bits, raw.damaged, raw.unacknowledged)

@@ -1,0 +1,154 @@
+"""Ways onto a CAN bus: python-can's adapters, and the virtual bus of a virtual board."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from typing import TYPE_CHECKING, Any, Protocol
+
+from truing.errors import LinkClosed, PortError
+
+if TYPE_CHECKING:
+    from hil_sim import VirtualCanBus
+
+_STEP_US = 100
+_SLEEP_STEP_US = 20_000
+
+
+class CanBus(Protocol):
+    """Frames with 11-bit ids to and from a bus, with a clock of its own."""
+
+    @property
+    def name(self) -> str:
+        """Where it is, in the user's words."""
+
+    @property
+    def virtual(self) -> bool:
+        """Whether its clock is virtual time."""
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Send a frame; raises `LinkClosed` when the adapter is gone."""
+
+    def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
+        """Return the next frame, waiting up to `timeout_s` for it; None when none came."""
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass."""
+
+    def now_s(self) -> float:
+        """Return the time, seconds from an arbitrary origin."""
+
+    def close(self) -> None:
+        """Release the adapter; closing twice is harmless."""
+
+
+class AdapterBus:
+    """An adapter that python-can drives.
+
+    Parameters
+    ----------
+    interface, channel : python-can's names, as `socketcan` and `can0`, or `slcan` and `/dev/ttyACM0`.
+    bit_rate : bit/s; a SocketCAN interface keeps the one that the system gave it.
+    """
+
+    virtual = False
+
+    def __init__(self, interface: str, channel: str, bit_rate: int) -> None:
+        import can
+
+        self.name = f"can:{interface}:{channel}"
+        # The wait is for boards that reset when their port is opened; adapters for CAN do not.
+        more: dict[str, Any] = {"sleep_after_open": 0.0} if interface == "slcan" else {}
+        try:
+            self._bus = can.Bus(interface=interface, channel=channel, bitrate=bit_rate, **more)
+        except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
+            raise PortError(
+                f"{self.name}: cannot be opened ({error})",
+                "write can:INTERFACE:CHANNEL[@BITRATE][/NODE], for example can:socketcan:can0 or "
+                "can:slcan:/dev/ttyACM0@1000000/1",
+            ) from error
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Send a frame."""
+        import can
+
+        try:
+            self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False), timeout=0.5)
+        except (can.CanError, OSError) as error:
+            raise self._closed(error) from error
+
+    def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
+        """Return the next frame."""
+        import can
+
+        deadline = time.monotonic() + timeout_s
+        while True:
+            try:
+                message = self._bus.recv(max(0.0, deadline - time.monotonic()))
+            except (can.CanError, OSError, TypeError) as error:
+                raise self._closed(error) from error
+            if message is None:
+                return None
+            if not (message.is_extended_id or message.is_remote_frame or message.is_error_frame):
+                return message.arbitration_id, bytes(message.data)
+
+    def sleep(self, seconds: float) -> None:
+        """Wait; the adapter keeps what arrives."""
+        time.sleep(max(seconds, 0.0))
+
+    def now_s(self) -> float:
+        """Return the host's monotonic clock."""
+        return time.monotonic()
+
+    def close(self) -> None:
+        """Release the adapter."""
+        with contextlib.suppress(Exception):  # a device that is gone says so in its adapter's own way
+            self._bus.shutdown()
+
+    def _closed(self, error: Exception) -> LinkClosed:
+        return LinkClosed(
+            f"{self.name}: the CAN bus is gone ({error})",
+            "check the adapter, both 120 ohm resistors and the boards' power, then try again",
+        )
+
+
+class SimulatedBus:
+    """The host's node on a bus of virtual boards: waiting makes their time pass."""
+
+    virtual = True
+
+    def __init__(self, bus: VirtualCanBus, name: str = "can:sim") -> None:
+        self._bus = bus
+        self.name = name
+
+    def send(self, can_id: int, data: bytes) -> None:
+        """Send a frame; it takes part in arbitration as time passes."""
+        from hil_sim import CanFrame
+
+        if not self._bus.write(CanFrame(can_id, data)):
+            raise LinkClosed(f"{self.name}: the bus takes no more frames")
+
+    def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
+        """Return the next frame, letting up to `timeout_s` pass."""
+        left = max(0, round(timeout_s * 1e6))
+        while (frame := self._bus.read()) is None:
+            if left <= 0:
+                return None
+            step = min(left, _STEP_US)
+            self._bus.run_us(step)
+            left -= step
+        return frame.id, frame.data
+
+    def sleep(self, seconds: float) -> None:
+        """Let virtual time pass."""
+        left = round(seconds * 1e6)
+        while left > 0:
+            self._bus.run_us(min(left, _SLEEP_STEP_US))
+            left -= _SLEEP_STEP_US
+
+    def now_s(self) -> float:
+        """Return the virtual time."""
+        return self._bus.time_s
+
+    def close(self) -> None:
+        """Nothing: the bus belongs to whoever made it."""

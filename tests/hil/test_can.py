@@ -1,0 +1,298 @@
+"""The flashed image on a CAN bus: the same commands as over serial, and a bus that goes wrong."""
+
+from __future__ import annotations
+
+import json
+import random
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import cantools
+import pytest
+
+import truing_protocol as tp
+from hil_sim import CanFrame, VirtualRobot
+from hil_sim.serve import ServeOptions, Server
+from support.can_chain import CanChain
+from support.image_variable import member_offset
+from truing.device import Device
+from truing.drive import drive
+from truing.link.can_bus import AdapterBus, SimulatedBus
+from truing.link.can_stream import CanStream, discover, stop_all
+from truing.link.client import Client
+from truing.link.refusals import faults_in
+from truing.plan import Kind, Plan, Segment, load_plan
+
+DEMO_PLAN = load_plan("paper/XI")
+SHORT = Plan("short", "short", (Segment(Kind.EFFORT, 0.5, 0.4, 0.3), Segment(Kind.EFFORT, 0.3, 0.0, 0.0)), 200)
+
+
+def ring_of(robot: VirtualRobot, image: Path) -> bytes:
+    address, _ = robot.symbol("controller")
+    offset, size = member_offset(image, "controller", "robot", "log", "ring")
+    return robot.read_memory(address + offset, size)
+
+
+def can_state(device: Device) -> tp.CanStateReply:
+    return device.client.request(tp.CanStateRequest())
+
+
+@pytest.mark.parametrize("bit_rate", [1_000_000, 500_000])
+def test_a_plan_goes_up_and_its_log_comes_down_byte_for_byte(
+    image: Path, native_library: Path, bit_rate: int
+) -> None:
+    with CanChain(image, bit_rate=bit_rate) as chain:
+        device = chain.host()
+        driven = drive(device, Plan("long", "long", DEMO_PLAN.segments, log_rate_hz=200))
+        log = device.log(driven.log_id)
+        before, began = chain.bus.totals(), chain.bus.time_s
+        data, report = device.read_log(log)
+        took = chain.bus.time_s - began
+        assert data == ring_of(chain.robots[0], image)[log.offset : log.offset + log.length]
+        assert report.again_bytes == 0
+        after = chain.bus.totals()
+        # 1031 bytes of frame for 1020 of log, 7 of them in a CAN frame of 8 bytes with its stuff bits.
+        bits = (after.bits - before.bits) / (after.frames - before.frames)
+        limit = bit_rate / bits * 7 * 1020 / 1031
+        print(
+            f"{bit_rate} bit/s: {len(data)} bytes in {took:.3f} s, {len(data) / took:.0f} B/s, "
+            f"{bits:.1f} bits a frame, payload limit {limit:.0f} B/s, {len(data) / took / limit:.1%}"
+        )
+        assert len(data) / took >= 0.9 * limit
+        state = can_state(device)
+        assert (state.overruns, state.discarded, state.sequence_errors, state.timeouts) == (0, 0, 0, 0)
+        assert chain.robots[0].warnings() == []
+
+
+def test_serial_and_can_are_answered_at_once_each_where_it_asked(image: Path, native_library: Path) -> None:
+    with CanChain(image) as chain:
+        over_can, over_serial = chain.host(), chain.serial_host(chain.robots[0])
+        for node in (7, 8, 9):
+            over_serial.set_parameter("log_rate_hz", node)
+            assert over_can.client.request(tp.ParamGetRequest(index_of("log_rate_hz"))).value == node
+        assert over_can.client.counts.strays == over_serial.client.counts.strays == 0
+
+
+def index_of(name: str) -> int:
+    return next(p.index for p in tp.PARAMETERS if p.name == name)
+
+
+def test_a_host_that_falls_silent_on_can_stops_the_robot(image: Path, native_library: Path) -> None:
+    with CanChain(image) as chain:
+        device = chain.host()
+        device.client.stream.sleep(0.3)
+        device.client.request(tp.SetEffortRequest(0.3, 0.3))
+        device.client.stream.sleep(0.4)
+        assert device.client.request(tp.StatusRequest()).state == tp.State.LIVE
+        device.client.stream.sleep(0.2)
+        latched = faults_in(device.client.request(tp.StatusRequest()).faults_latched)
+        assert [fault.name for fault in latched] == ["host_silent"]
+
+
+def test_two_boards_on_one_bus_are_told_apart(image: Path, native_library: Path) -> None:
+    with CanChain(image, boards=2) as chain:
+        nodes = discover(SimulatedBus(chain.bus))
+        assert [node.node for node in nodes] == [1, 2]
+        assert len({node.board for node in nodes}) == 2
+        assert {node.schema_hash for node in nodes} == {tp.SCHEMA_HASH}
+        first, second = chain.host(1), chain.host(2)
+        assert (first.info.board_id, second.info.board_id) == ("01" * 12, "02" * 12)
+        drive(first, SHORT)
+        counts = [device.client.request(tp.StatusRequest()).counts for device in (first, second)]
+        assert min(counts[0]) > 100
+        assert counts[1] == (0, 0)
+
+
+def test_one_frame_stops_all_boards(image: Path, native_library: Path) -> None:
+    with CanChain(image, boards=2) as chain:
+        hosts = [chain.host(1), chain.host(2)]
+        chain.bus.run_us(300_000)
+        for host in hosts:
+            host.client.request(tp.SetEffortRequest(0.3, 0.3))
+        chain.bus.run_us(100_000)
+        assert all(robot.bridge(0) != (1.0, 1.0) for robot in chain.robots)
+        stop_all(SimulatedBus(chain.bus))
+        chain.bus.run_us(2_000)
+        assert all(robot.bridge(0) == (1.0, 1.0) for robot in chain.robots)
+
+
+def test_a_shorted_bus_is_left_named_and_joined_again(image: Path, native_library: Path) -> None:
+    with CanChain(image) as chain:
+        device = chain.host()
+        assert can_state(device).bus_state == tp.CanBusState.ACTIVE
+        serial = chain.serial_host(chain.robots[0])
+        chain.bus.set_shorted(True)
+        chain.bus.run_us(1_000_000)
+        state = can_state(serial)
+        assert state.bus_state == tp.CanBusState.BUS_OFF
+        assert 5 <= state.bus_offs <= 11
+        active = faults_in(serial.client.request(tp.StatusRequest()).faults_active)
+        assert [fault.name for fault in active] == ["can_bus_off"]
+        chain.bus.set_shorted(False)
+        began = chain.bus.time_s
+        assert can_state(device).bus_state == tp.CanBusState.ACTIVE
+        print(f"{state.bus_offs} bus-offs in 1 s; answered {chain.bus.time_s - began:.3f} s after the repair")
+        assert chain.bus.time_s - began < 0.5
+        chain.bus.run_us(1_100_000)
+        assert device.client.request(tp.StatusRequest()).faults_active == 0
+
+
+def test_a_board_alone_on_its_bus_is_passive_and_comes_back(image: Path, native_library: Path) -> None:
+    with CanChain(image) as chain:
+        serial = chain.serial_host(chain.robots[0])
+        chain.bus.set_host_connected(False)
+        chain.bus.run_us(500_000)
+        state = can_state(serial)
+        assert state.bus_state == tp.CanBusState.PASSIVE
+        assert (state.transmit_errors, state.last_error, state.bus_offs) == (128, 3, 0)
+        assert state.discarded > 0
+        chain.bus.set_host_connected(True)
+        assert can_state(chain.host()).bus_state in (tp.CanBusState.ACTIVE, tp.CanBusState.WARNING, tp.CanBusState.PASSIVE)
+        chain.bus.run_us(10_000_000)
+        assert can_state(serial).bus_state == tp.CanBusState.ACTIVE
+
+
+def test_nodes_of_another_bit_rate_destroy_frames(image: Path, native_library: Path) -> None:
+    with CanChain(image) as chain:
+        chain.bus.set_bit_rate(500_000)
+        chain.bus.run_us(1_000_000)
+        assert can_state(chain.serial_host(chain.robots[0])).bus_offs > 0
+
+
+def test_damaged_frames_are_repeated_by_their_senders(image: Path, native_library: Path) -> None:
+    with CanChain(image) as chain:
+        device = chain.host()
+        driven = drive(device, SHORT)
+        log = device.log(driven.log_id)
+        chain.bus.damage(12)
+        data, report = device.read_log(log)
+        assert data == ring_of(chain.robots[0], image)[log.offset : log.offset + log.length]
+        assert report.again_bytes == 0
+        assert chain.bus.totals().damaged == 12
+
+
+class LossyBus(SimulatedBus):
+    """An adapter that loses one frame in fifty, in both directions."""
+
+    def __init__(self, chain: CanChain, seed: int) -> None:
+        super().__init__(chain.bus)
+        self.random = random.Random(seed)
+        self.lost = 0
+
+    def spoils(self) -> bool:
+        lost = self.random.random() < 0.02
+        self.lost += lost
+        return lost
+
+    def send(self, can_id: int, data: bytes) -> None:
+        if not self.spoils():
+            super().send(can_id, data)
+
+    def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
+        frame = super().receive(timeout_s)
+        return None if frame is not None and self.spoils() else frame
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_lost_frames_change_neither_plan_nor_log(image: Path, native_library: Path, seed: int) -> None:
+    with CanChain(image) as chain:
+        bus = LossyBus(chain, seed)
+        device = Device(Client(CanStream(bus, 1)))
+        driven = drive(device, SHORT)
+        log = device.log(driven.log_id)
+        data, _ = device.read_log(log)
+        assert data == ring_of(chain.robots[0], image)[log.offset : log.offset + log.length]
+        assert bus.lost > 5
+
+
+def test_the_status_broadcast_reads_back_through_the_dbc(image: Path, native_library: Path, root: Path) -> None:
+    database = cantools.database.load_file(root / "protocol/truing.dbc")
+    assert isinstance(database, cantools.database.can.Database)
+    with CanChain(image) as chain:
+        device = chain.host()
+        chain.bus.run_us(300_000)
+        device.client.request(tp.SetEffortRequest(0.4, 0.2))
+        chain.bus.run_us(400_000)
+        status = device.client.request(tp.StatusRequest())
+        while chain.bus.read() is not None:
+            pass
+        chain.bus.run_us(1_000_000)
+        told: dict[str, list[dict[str, object]]] = {"status_1": [], "motion_1": []}
+        while (frame := chain.bus.read()) is not None:
+            message = database.get_message_by_frame_id(frame.id)
+            told[message.name].append(dict(message.decode(frame.data, decode_choices=True)))
+        assert len(told["status_1"]) == len(told["motion_1"]) == 10
+        first, last = told["status_1"][0], told["status_1"][-1]
+        assert (str(first["state"]), str(first["mode"])) == ("live", "effort")
+        assert (str(last["state"]), last["host_silent"], last["battery_low"]) == ("stopped", 1, 0)
+        assert first["battery"] == pytest.approx(status.battery_mv / 1000, abs=0.2)
+        assert told["motion_1"][0]["effort_left"] == pytest.approx(0.4)
+        assert told["motion_1"][0]["effort_right"] == pytest.approx(0.2)
+        assert float(str(told["motion_1"][0]["speed_left"])) > 0.1
+
+
+def test_a_call_is_answered_and_frames_take_their_time(image: Path, native_library: Path) -> None:
+    with CanChain(image) as chain:
+        chain.bus.write(CanFrame(0x600, b"\x01"))
+        chain.bus.run_us(100_000)
+        seen = []
+        while (frame := chain.bus.read()) is not None:
+            seen.append(frame)
+        assert 0x681 in [frame.id for frame in seen]
+        assert all(b.time_us - a.time_us >= 47 for a, b in zip(seen, seen[1:], strict=False))
+
+
+class Served:
+    """A virtual robot behind an slcan terminal, in a thread."""
+
+    def __init__(self, image: Path, folder: Path) -> None:
+        self.robot = VirtualRobot(image)
+        self.link = folder / "can"
+        self.over = threading.Event()
+        server = Server(self.robot, ServeOptions(tcp=None, slcan_link=self.link, factor=1.0))
+        self.thread = threading.Thread(target=server.run, args=(self.over.is_set,))
+
+    def __enter__(self) -> Served:
+        self.thread.start()
+        time.sleep(0.1)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.over.set()
+        self.thread.join(10)
+
+
+def test_python_can_reaches_the_board_through_an_slcan_terminal(
+    image: Path, native_library: Path, tmp_path: Path
+) -> None:
+    with Served(image, tmp_path) as served:
+        bus = AdapterBus("slcan", str(served.link), 1_000_000)
+        assert [node.node for node in discover(bus)] == [1]
+        device = Device(Client(CanStream(bus, 1)))
+        driven = drive(device, SHORT)
+        log = device.log(driven.log_id)
+        data, report = device.read_log(log)
+        print(f"{len(data)} bytes through slcan at {report.bytes / report.seconds:.0f} B/s")
+        device.close()
+    assert data == ring_of(served.robot, image)[log.offset : log.offset + log.length]
+
+
+def test_the_command_line_speaks_can(image: Path, native_library: Path, tmp_path: Path) -> None:
+    with Served(image, tmp_path) as served:
+        port = f"can:slcan:{served.link}@1000000/1"
+        said = subprocess.run(
+            [sys.executable, "-m", "truing", "--port", port, "info"], capture_output=True, text=True, timeout=60
+        )
+        assert said.returncode == 0, said.stderr
+        assert f"on can:slcan:{served.link}/1" in said.stdout
+        listed = subprocess.run(
+            [sys.executable, "-m", "truing", "--json", "ports", "--can", f"slcan:{served.link}"],
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+        assert listed.returncode == 0, listed.stderr
+        assert [node["node"] for node in json.loads(listed.stdout)] == [1]
