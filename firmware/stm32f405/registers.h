@@ -300,7 +300,6 @@ _Static_assert(sizeof(struct can) == 0x320, "the last filter ends at 0x31F");
 #define CAN1             ((struct can *)0x40006400u)
 #define CAN_MCR_INRQ     (1u << 0)
 #define CAN_MCR_TXFP     (1u << 2) /* mailboxes leave in the order of their requests */
-#define CAN_MCR_ABOM     (1u << 6)
 #define CAN_MSR_INAK     (1u << 0)
 #define CAN_MSR_ERRI     (1u << 2)
 #define CAN_TSR_RQCP(m)  (1u << (8u * (m)))

@@ -1,4 +1,4 @@
-"""The core's ISO-TP and can-isotp's understand each other, message by message and when something goes wrong."""
+"""ISO-TP of the core and of can-isotp understand each other, also when something goes wrong."""
 
 from __future__ import annotations
 
@@ -147,12 +147,12 @@ def test_a_missing_frame_drops_its_message_and_the_next_one_arrives(core: Core) 
     assert core.receive(b"\x02ok") == b"ok"
 
 
-def test_a_peer_that_falls_silent_is_given_up_after_a_quarter_second(core: Core) -> None:
+def test_a_peer_that_falls_silent_is_given_up_after_a_tenth_of_a_second(core: Core) -> None:
     core.send(bytes(100))
     core.next_frame(0)
-    core.expire(249)
+    core.expire(99)
     assert not core.idle
-    core.expire(250)
+    core.expire(100)
     assert core.idle
     assert core.send(b"again")
 

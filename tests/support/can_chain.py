@@ -19,9 +19,7 @@ class CanChain:
 
     def __init__(self, image: Path, boards: int = 1, bit_rate: int = 1_000_000) -> None:
         self.image = image
-        self.robots = [
-            VirtualRobot(image, seed=n, board_id=bytes([n]) * 12) for n in range(1, boards + 1)
-        ]
+        self.robots = [VirtualRobot(image, seed=n, board_id=bytes([n]) * 12) for n in range(1, boards + 1)]
         self.bus = VirtualCanBus(bit_rate)
         for node, robot in enumerate(self.robots, start=1):
             device = self.serial_host(robot)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -130,7 +131,8 @@ class SimulatedBus:
 
     def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
         """Return the next frame, letting up to `timeout_s` pass."""
-        left = max(0, round(timeout_s * 1e6))
+        # Upwards: a wait of less than a microsecond must pass too, or its end is never seen.
+        left = max(0, math.ceil(timeout_s * 1e6))
         while (frame := self._bus.read()) is None:
             if left <= 0:
                 return None

@@ -28,6 +28,8 @@ from truing_protocol import (
 
 # Boards answer a call within 64 ms, whatever their number.
 _CALL_WAIT_S = 0.15
+# A peer that leaves a message hanging for so long has lost a frame of it; the board allows as much.
+_SILENCE_S = 0.1
 _LOGGER = "truing.link.isotp"
 # Each lost frame of a message would make all its others a warning.
 logging.getLogger(_LOGGER).setLevel(logging.ERROR)
@@ -87,6 +89,7 @@ class CanStream:
         self._open = True
         self._waiting: deque[isotp.CanMessage] = deque()
         self._begun = b""
+        self._moved_s = bus.now_s()
         address = isotp.Address(
             isotp.AddressingMode.Normal_11bits, txid=CAN_HOST_TO_BOARD + node, rxid=CAN_BOARD_TO_HOST + node
         )
@@ -112,6 +115,7 @@ class CanStream:
     def write(self, data: bytes) -> None:
         """Send the frames in `data`; zeros end them."""
         self._check()
+        self._give_up_hanging()
         *ended, self._begun = (self._begun + data).split(b"\0")
         for stuffed in ended:
             if stuffed:
@@ -125,6 +129,7 @@ class CanStream:
         self._check()
         deadline = self.bus.now_s() + timeout_s
         while True:
+            self._give_up_hanging()
             self._layer.process()
             received = bytearray()
             while (message := self._layer.recv()) is not None:
@@ -152,12 +157,21 @@ class CanStream:
             if self._on_close is not None:
                 self._on_close()
 
+    def _give_up_hanging(self) -> None:
+        """On the bus's clock: the layer's own time-outs run in real time, which a virtual bus outruns."""
+        hanging = self._layer.transmitting() or self._layer.is_rx_active()
+        if hanging and not self._waiting and self.bus.now_s() - self._moved_s >= _SILENCE_S:
+            self._layer.stop_sending()
+            self._layer.stop_receiving()
+            self._moved_s = self.bus.now_s()
+
     def _fetch(self, timeout_s: float) -> None:
         """Wait for a frame of this board, and take all that are there with it."""
         frame = self.bus.receive(timeout_s)
         while frame is not None:
             can_id, data = frame
             if can_id == CAN_BOARD_TO_HOST + self.node:
+                self._moved_s = self.bus.now_s()
                 self._waiting.append(isotp.CanMessage(can_id, len(data), data))
             frame = self.bus.receive(0.0)
 
@@ -165,6 +179,7 @@ class CanStream:
         return self._waiting.popleft() if self._waiting else None
 
     def _send_frame(self, message: isotp.CanMessage) -> None:
+        self._moved_s = self.bus.now_s()
         self.bus.send(message.arbitration_id, bytes(message.data))
 
     def _check(self) -> None:
