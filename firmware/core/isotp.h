@@ -12,8 +12,8 @@
 enum {
     ISOTP_FRAME_SIZE = 8,
     ISOTP_MAX_LENGTH = 4095,
-    /* N_Bs and N_Cr. The standard allows a second; but each lost flow control or first frame holds the channel
-     * up for this long, and a host that is busy answers within tens of milliseconds. */
+    /* N_Bs and N_Cr. The standard allows a second; but each lost flow control or first frame holds the
+     * channel up for this long, and a host that is busy answers within tens of milliseconds. */
     ISOTP_TIMEOUT_MS = 100,
     ISOTP_WAITS_ALLOWED = 8, /* N_WFTmax: flow controls in a row that ask to wait */
 };

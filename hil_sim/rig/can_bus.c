@@ -239,6 +239,9 @@ static void settle(struct can_bus *bus)
                 winner = &offers[i];
             }
         }
+        if (winner == NULL) {
+            return;
+        }
         put_on_wire(bus, winner, start);
     }
 }
