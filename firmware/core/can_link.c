@@ -16,7 +16,8 @@ void can_link_init(struct can_link *link, const uint8_t *board_id, size_t board_
 
 void can_link_configure(struct can_link *link, uint8_t node, uint32_t bits_per_s)
 {
-    const bool waiting = link->queue_length > 0 || !isotp_is_idle(&link->channel);
+    /* A reply to the very request that changed this goes out first, on a bus that takes it. */
+    const bool waiting = (link->queue_length > 0 || link->waiting_length > 0) && hal_can_writable() > 0;
     if ((node == link->node && bits_per_s == link->bits_per_s) || waiting) {
         return;
     }
@@ -41,9 +42,52 @@ static enum can_link_event take_call(struct can_link *link, const struct hal_can
     return frame->data[0] == PROTO_ID_STOP ? CAN_LINK_STOP : CAN_LINK_NOTHING;
 }
 
+bool can_link_has_room(const struct can_link *link, size_t size)
+{
+    return sizeof link->queue - link->queue_length >= size + LENGTH_SIZE;
+}
+
+/* With the short reply more that requests.c wants left over. */
+static bool has_room_for_longest(const struct can_link *link)
+{
+    return can_link_has_room(link, LINK_LARGEST_FRAME + LINK_SMALL_FRAME);
+}
+
+/* Holds back a request that has come in whole; false: it goes on at once. */
+static bool hold(struct can_link *link, size_t length)
+{
+    const bool busy = link->waiting_length > 0 || !has_room_for_longest(link);
+    if (!busy || link->message[0] == PROTO_ID_STOP ||
+        (link->waiting_length == 0 && length > CAN_LINK_WAITING_LONGEST)) {
+        return false;
+    }
+    if (link->waiting_length < CAN_LINK_WAITING && length <= CAN_LINK_WAITING_LONGEST) {
+        struct can_link_request *const last =
+            &link->waiting[(link->waiting_first + (size_t)link->waiting_length) % CAN_LINK_WAITING];
+        last->length = (uint8_t)length;
+        memcpy(last->bytes, link->message, length);
+        link->waiting_length++;
+    }
+    return true;
+}
+
+static bool next_waiting(struct can_link *link, struct frame *out)
+{
+    if (link->waiting_length == 0 || !has_room_for_longest(link)) {
+        return false;
+    }
+    const struct can_link_request *const first = &link->waiting[link->waiting_first];
+    link->waiting_first = (uint8_t)((link->waiting_first + 1u) % CAN_LINK_WAITING);
+    link->waiting_length--;
+    return frame_open(first->bytes, first->length, out); /* its place is not taken before the next frame */
+}
+
 enum can_link_event can_link_receive(struct can_link *link, uint32_t now_ms, struct frame *out)
 {
     struct hal_can_frame frame;
+    if (next_waiting(link, out)) {
+        return CAN_LINK_REQUEST;
+    }
     while (hal_can_read(&frame)) {
         size_t length;
         if (frame.id == PROTO_CAN_HOST_TO_BOARD) {
@@ -52,35 +96,20 @@ enum can_link_event can_link_receive(struct can_link *link, uint32_t now_ms, str
                 return event;
             }
         } else if (isotp_receive(&link->channel, frame.data, frame.length, now_ms, &length)) {
-            if (frame_open(link->message, length, out)) {
+            if (!frame_open(link->message, length, out)) {
+                link->dropped++;
+            } else if (!hold(link, length)) {
                 return CAN_LINK_REQUEST;
             }
-            link->dropped++;
         }
     }
     return CAN_LINK_NOTHING;
 }
 
-bool can_link_has_room(const struct can_link *link, size_t size)
-{
-    return sizeof link->queue - link->queue_length >= size + LENGTH_SIZE;
-}
-
 static void put(struct can_link *link, const uint8_t *data, size_t length)
 {
-    for (size_t i = 0; i < length; i++) {
-        link->queue[(link->queue_first + (size_t)link->queue_length) % sizeof link->queue] = data[i];
-        link->queue_length++;
-    }
-}
-
-static void take(struct can_link *link, uint8_t *out, size_t length)
-{
-    for (size_t i = 0; i < length; i++) {
-        out[i] = link->queue[link->queue_first];
-        link->queue_first = (uint16_t)((link->queue_first + 1u) % sizeof link->queue);
-        link->queue_length--;
-    }
+    memcpy(link->queue + link->queue_length, data, length);
+    link->queue_length = (uint16_t)(link->queue_length + length);
 }
 
 void can_link_send(struct can_link *link, uint8_t id, uint16_t sequence, const uint8_t *payload,
@@ -105,16 +134,26 @@ void can_link_send(struct can_link *link, uint8_t id, uint16_t sequence, const u
     put(link, trailer, sizeof trailer);
 }
 
+static size_t first_length(const struct can_link *link)
+{
+    return (size_t)(link->queue[0] | link->queue[1] << 8);
+}
+
+/* The reply that goes out stays where it is until its last frame is with the driver. */
 static void start_next(struct can_link *link)
 {
-    uint8_t size[LENGTH_SIZE];
-    if (link->queue_length == 0 || !isotp_is_idle(&link->channel)) {
+    if (!isotp_is_idle(&link->channel)) {
         return;
     }
-    take(link, size, sizeof size);
-    const size_t length = (size_t)(size[0] | size[1] << 8);
-    take(link, link->sending, length);
-    (void)isotp_send(&link->channel, link->sending, length);
+    if (link->sending) {
+        const size_t gone = LENGTH_SIZE + first_length(link);
+        link->queue_length = (uint16_t)(link->queue_length - gone);
+        memmove(link->queue, link->queue + gone, link->queue_length);
+        link->sending = false;
+    }
+    if (link->queue_length > 0) {
+        link->sending = isotp_send(&link->channel, link->queue + LENGTH_SIZE, first_length(link));
+    }
 }
 
 static void announce(struct can_link *link)

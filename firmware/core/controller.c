@@ -39,17 +39,19 @@ static void poll_can(struct controller *controller)
 {
     struct can_link *const can = &controller->can;
     struct frame request;
-    enum can_link_event event;
     can_link_configure(can, (uint8_t)parameter(controller, PROTO_PARAMETER_CAN_NODE),
                        1000u * parameter(controller, PROTO_PARAMETER_CAN_BITRATE_KBPS));
-    while ((event = can_link_receive(can, controller->robot.now_ms, &request)) != CAN_LINK_NOTHING) {
+    can_link_flush(can, controller->robot.now_ms);
+    enum can_link_event event = can_link_receive(can, controller->robot.now_ms, &request);
+    while (event != CAN_LINK_NOTHING) {
         if (event == CAN_LINK_STOP) {
             robot_stop(&controller->robot);
         } else {
             requests_answer(controller, PORT_CAN, &request);
         }
+        can_link_flush(can, controller->robot.now_ms);
+        event = can_link_receive(can, controller->robot.now_ms, &request);
     }
-    can_link_flush(can, controller->robot.now_ms);
     if (can_link_status_due(can, controller->robot.now_ms,
                             parameter(controller, PROTO_PARAMETER_CAN_STATUS_HZ))) {
         struct proto_status_reply status;

@@ -158,7 +158,7 @@ DETECTOR(sequence_damaged)
     ROW(BROWN_OUT, brown_out, 0, false, AT_ONCE)                                                             \
     ROW(PROGRAM_FAULT, program_fault, 0, true, AT_ONCE)                                                      \
     ROW(WATCHDOG_RESET, watchdog_reset, 0, true, AT_ONCE)                                                    \
-    ROW(SEQUENCE_DAMAGED, sequence_damaged, 0, true, AT_ONCE)                                               \
+    ROW(SEQUENCE_DAMAGED, sequence_damaged, 0, true, AT_ONCE)                                                \
     ROW(CAN_BUS_OFF, can_bus_off, 0, false, WHEN_GONE)
 
 enum position {

@@ -14,7 +14,7 @@
 #include "registers.h"
 
 enum {
-    RX_SIZE = 32, /* powers of two; a host sends 8 frames before it waits for leave */
+    RX_SIZE = 16, /* powers of two; a host sends 8 frames before it waits for leave */
     TX_SIZE = 32,
     MAILBOXES = 3,
     PIN_FUNCTION_CAN1 = 9,

@@ -324,6 +324,7 @@ _Static_assert(sizeof(struct can) == 0x320, "the last filter ends at 0x31F");
 #define CAN_FMR_FINIT    (1u << 0)
 #define IRQ_CAN1_TX      19u
 #define IRQ_CAN1_RX0     20u
+#define IRQ_CAN1_RX1     21u
 #define IRQ_CAN1_SCE     22u
 
 /* Random number generator, section 24.4. Addresses, since it is only read through a guarded load. */

@@ -52,7 +52,7 @@ __attribute__((section(".vectors"), used)) static const struct vector_table vect
         [IRQ_EXTI4 + 1 ... IRQ_CAN1_TX - 1] = unexpected_interrupt,
         [IRQ_CAN1_TX] = CAN1_TX_Handler,
         [IRQ_CAN1_RX0] = CAN1_RX0_Handler,
-        [IRQ_CAN1_RX0 + 1] = unexpected_interrupt, /* FIFO 1 */
+        [IRQ_CAN1_RX1] = unexpected_interrupt,
         [IRQ_CAN1_SCE] = CAN1_SCE_Handler,
         [IRQ_EXTI9_5] = EXTI9_5_Handler,
         [IRQ_EXTI9_5 + 1 ... IRQ_USART3 - 1] = unexpected_interrupt,

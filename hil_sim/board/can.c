@@ -203,13 +203,13 @@ static bool filter_takes(const struct can *c, unsigned bank, const struct board_
         return *hit == 0 || wide == (r[1] & ~1u);
     }
     const uint32_t half[4] = {r[0] & 0xFFFFu, r[0] >> 16, r[1] & 0xFFFFu, r[1] >> 16};
-    for (uint32_t i = 0; i < (list ? 4u : 2u); i++) {
-        *hit = i;
-        if (list ? narrow == half[i] : ((narrow ^ half[2 * i]) & half[2 * i + 1]) == 0) {
-            return true;
+    if (list) {
+        for (*hit = 0; *hit < 4 && narrow != half[*hit]; ++*hit) {
         }
+        return *hit < 4;
     }
-    return false;
+    *hit = ((narrow ^ half[0]) & half[1]) == 0 ? 0 : 1;
+    return *hit == 0 || ((narrow ^ half[2]) & half[3]) == 0;
 }
 
 /* Filters of a bank: their numbers count through all banks of a FIFO, active or not (32.7.4). */

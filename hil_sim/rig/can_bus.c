@@ -79,8 +79,9 @@ void can_bus_detach(struct can_bus *bus, struct rig *rig)
     for (size_t i = 0; i < bus->boards; i++) {
         if (bus->rig[i] == rig) {
             board_can_attach(rig_board(rig), false);
-            memmove(&bus->rig[i], &bus->rig[i + 1], (bus->boards - i - 1) * sizeof bus->rig[0]);
-            bus->boards--;
+            for (bus->boards--; i < bus->boards; i++) {
+                bus->rig[i] = bus->rig[i + 1];
+            }
             return;
         }
     }

@@ -181,7 +181,7 @@ static void unknown_requests_are_refused_by_their_id(void)
             known++;
         }
     }
-    TEST_ASSERT_EQUAL_UINT32(24, known);
+    TEST_ASSERT_EQUAL_UINT32(25, known);
 }
 
 static void every_request_of_a_wrong_length_is_refused(void)
@@ -195,7 +195,7 @@ static void every_request_of_a_wrong_length_is_refused(void)
         {PROTO_ID_SEQ_COMMIT, 4},   {PROTO_ID_SEQ_START, 4},    {PROTO_ID_SEQ_ABORT, 0},
         {PROTO_ID_SEQ_STATE, 0},    {PROTO_ID_LOG_LIST, 1},     {PROTO_ID_LOG_READ, 6},
         {PROTO_ID_LOG_DIGEST, 8},   {PROTO_ID_LOG_ERASE, 0},    {PROTO_ID_SET_EFFORT, 8},
-        {PROTO_ID_SET_VELOCITY, 8},
+        {PROTO_ID_SET_VELOCITY, 8}, {PROTO_ID_CAN_STATE, 0},
     };
     static const uint8_t zeros[PROTO_MAX_PAYLOAD];
     for (size_t i = 0; i < sizeof right / sizeof right[0]; i++) {
