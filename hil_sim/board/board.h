@@ -117,6 +117,9 @@ bool board_write_memory(struct board *board, uint32_t address, const uint8_t *da
 void board_trace_hash(const struct board *board, uint64_t out[2]);
 uint64_t board_trace_count(const struct board *board);
 
+/* When SysTick next reaches zero, picoseconds of virtual time; UINT64_MAX: never. */
+uint64_t board_next_tick_ps(const struct board *board);
+
 enum { BOARD_EXCEPTIONS = 98 }; /* 16 of the core, 82 of the chip */
 
 /* Cost of one exception number (0: thread mode). Nested exceptions are not counted in. */

@@ -105,3 +105,9 @@ bool systick_access(struct board *b, uint32_t offset, bool write, uint32_t *valu
         return false;
     }
 }
+
+uint64_t board_next_tick_ps(const struct board *board)
+{
+    const uint64_t at = board->events[EVENT_SYSTICK].at;
+    return at == NEVER ? UINT64_MAX : time_to_ps(board, at);
+}

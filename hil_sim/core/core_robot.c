@@ -22,13 +22,16 @@ enum {
     BATTERY_VALID_TICKS = 2, /* the first conversion ends before the second tick */
 };
 
-/* Phases of the image on the virtual board, microseconds of its time. The counters are read at READ_US after
- * the plant step in which the tick falls, an edge is dated LATE_US after it came, and the tick's work has
- * ended SETTLE_US after that reading. */
-enum { FIRST_TICK_US = 14600, DRIVE_AFTER_STEPS = 1 };
-static const double read_us = 38.6;
+/* What the image does when on the virtual board, in microseconds after SysTick has come round: it reads the
+ * counters, converts the battery's voltage, and has ended the tick's work. An edge is dated LATE_US after it
+ * came. When the first tick comes, and how its efforts meet the PWM period, depends on how long the image
+ * takes to start: these are the usual values, and a comparison with a board asks the board. */
+static const double read_lag_us = 0.53;
+static const double convert_lag_us = 24.0;
+static const double settle_lag_us = 30.5;
 static const double late_us = 0.3;
-static const double settle_us = 30.0;
+static const double usual_first_tick_us = 14638.07;
+static const double usual_drive_lag_us = 50.9;
 
 /* The first edge of a wheel since the tick, as the board's external interrupts date it. */
 struct edge_watch {
@@ -44,7 +47,9 @@ struct core_robot {
     struct plant *plant;
     uint64_t plant_steps;
     uint64_t time_us;
-    uint64_t next_tick_us;
+    uint64_t next_tick_us;             /* the plant step in which the counters are read */
+    double read_us, settle_us;         /* after that step */
+    uint64_t convert_step, drive_step; /* after that step; a new duty holds from the step under way */
     uint32_t ticks;
     uint16_t converted_mv;
     struct edge_watch watch[PLANT_WHEELS];
@@ -66,7 +71,7 @@ struct core_robot *core_robot_create(const struct plant_params *params, uint64_t
     robot->board.sample.battery_valid = false;
     robot->board.sample.battery_mv = 0;
     memcpy(robot->board.identity.board_id, board_id, sizeof robot->board.identity.board_id);
-    robot->next_tick_us = FIRST_TICK_US;
+    core_robot_set_phases(robot, usual_first_tick_us, usual_drive_lag_us);
     for (int wheel = 0; wheel < PLANT_WHEELS; wheel++) {
         plant_set_bridge(robot->plant, wheel, 1.0, 1.0);
     }
@@ -81,6 +86,17 @@ void core_robot_destroy(struct core_robot *robot)
         plant_destroy(robot->plant);
     }
     free(robot);
+}
+
+void core_robot_set_phases(struct core_robot *robot, double first_tick_us, double drive_lag_us)
+{
+    const double step_us = PLANT_STEP_US;
+    robot->next_tick_us = (uint64_t)((first_tick_us + read_lag_us) / step_us) * PLANT_STEP_US;
+    const double tick_us = first_tick_us - (double)robot->next_tick_us;
+    robot->read_us = tick_us + read_lag_us;
+    robot->settle_us = tick_us + settle_lag_us;
+    robot->convert_step = (uint64_t)((tick_us + convert_lag_us) / step_us);
+    robot->drive_step = (uint64_t)((tick_us + drive_lag_us) / step_us);
 }
 
 static uint16_t converted_mv(const struct core_robot *robot)
@@ -139,7 +155,7 @@ static void advance_step(struct core_robot *robot, double until_us)
 {
     plant_advance(robot->plant, 1);
     robot->plant_steps++;
-    const double settled_us = read_us + settle_us - PLANT_STEP_US;
+    const double settled_us = robot->settle_us - PLANT_STEP_US;
     for (int wheel = 0; wheel < PLANT_WHEELS; wheel++) {
         if (robot->watch[wheel].settled) {
             watch_stretch(robot, wheel, 0.0, until_us);
@@ -159,7 +175,7 @@ static void advance_to(struct core_robot *robot, uint64_t steps)
             robot->plant_steps = steps;
             return;
         }
-        advance_step(robot, robot->plant_steps + 1 < steps ? PLANT_STEP_US : read_us);
+        advance_step(robot, robot->plant_steps + 1 < steps ? PLANT_STEP_US : robot->read_us);
     }
 }
 
@@ -168,17 +184,31 @@ static void sense(struct core_robot *robot)
     struct hal_sample *sample = &robot->board.sample;
     for (int wheel = 0; wheel < PLANT_WHEELS; wheel++) {
         struct edge_watch *watch = &robot->watch[wheel];
-        sample->counts[wheel] = (int32_t)count_at(robot, wheel, read_us);
+        sample->counts[wheel] = (int32_t)count_at(robot, wheel, robot->read_us);
         sample->edge_dated[wheel] = watch->taken && watch->settled && !watch->unclear;
         sample->edge_us[wheel] = (uint32_t)(uint64_t)watch->taken_us;
         sample->edge_from[wheel] = (int32_t)watch->from;
         *watch = (struct edge_watch){.watched = sample->counts[wheel]};
     }
     /* hal_sense adds the tick that has passed. */
-    sample->now_us = (uint32_t)(robot->next_tick_us + (uint64_t)read_us) - HAL_HOST_TICK_US;
+    sample->now_us = (uint32_t)(robot->next_tick_us + (uint64_t)robot->read_us) - HAL_HOST_TICK_US;
     robot->ticks++;
     sample->battery_valid = robot->ticks >= BATTERY_VALID_TICKS;
     sample->battery_mv = sample->battery_valid ? robot->converted_mv : 0;
+}
+
+/* From the reading of the counters to the end of the step that is shown. */
+static void watch_rest_of_step(struct core_robot *robot)
+{
+    for (int wheel = 0; wheel < PLANT_WHEELS; wheel++) {
+        double from_us = robot->read_us;
+        if (robot->settle_us < PLANT_STEP_US) {
+            watch_stretch(robot, wheel, from_us, robot->settle_us);
+            settle(robot, wheel, robot->settle_us);
+            from_us = robot->settle_us;
+        }
+        watch_stretch(robot, wheel, from_us, PLANT_STEP_US);
+    }
 }
 
 static void tick(struct core_robot *robot)
@@ -189,16 +219,18 @@ static void tick(struct core_robot *robot)
     const int16_t before[HAL_WHEELS] = {robot->board.effort_e4[0], robot->board.effort_e4[1]};
     controller_tick(&robot->controller);
     controller_poll(&robot->controller);
-    for (int wheel = 0; wheel < PLANT_WHEELS; wheel++) {
-        watch_stretch(robot, wheel, read_us, PLANT_STEP_US);
-    }
-    for (int i = 0; i < DRIVE_AFTER_STEPS; i++) {
-        advance_step(robot, PLANT_STEP_US);
-    }
-    robot->converted_mv = converted_mv(robot);
-    for (int wheel = 0; wheel < PLANT_WHEELS; wheel++) {
-        if (robot->board.effort_e4[wheel] != before[wheel]) {
-            drive(robot, wheel);
+    watch_rest_of_step(robot);
+    for (uint64_t i = 0; i <= robot->convert_step || i <= robot->drive_step; i++) {
+        if (i > 0) {
+            advance_step(robot, PLANT_STEP_US);
+        }
+        if (i == robot->convert_step) {
+            robot->converted_mv = converted_mv(robot);
+        }
+        for (int wheel = 0; wheel < PLANT_WHEELS && i == robot->drive_step; wheel++) {
+            if (robot->board.effort_e4[wheel] != before[wheel]) {
+                drive(robot, wheel);
+            }
         }
     }
     robot->next_tick_us += HAL_HOST_TICK_US;

@@ -20,6 +20,10 @@ struct core_robot *core_robot_create(const struct plant_params *params, uint64_t
                                      const uint8_t board_id[12]);
 void core_robot_destroy(struct core_robot *robot);
 
+/* Before any time passes: when the first tick comes (not before 1000 us), and how long after a tick its
+ * efforts reach the bridges (50 us more or less, by where the PWM period lies). */
+void core_robot_set_phases(struct core_robot *robot, double first_tick_us, double drive_lag_us);
+
 /* Lets virtual time pass. */
 void core_robot_run_us(struct core_robot *robot, uint64_t span_us);
 uint64_t core_robot_time_us(const struct core_robot *robot);

@@ -12,12 +12,29 @@ from hil_sim import HiddenEffects, VirtualRobot
 from hil_sim.core import CoreRobot
 from truing.device import Device
 from truing.link.client import Client
+from truing.link.framing import Frame, encode
 from truing.link.virtual_stream import VirtualStream
 from truing.log_decode import decode_log
 from truing.plan import load_plan
 from truing.run_saver import fetch_log
+from truing_protocol import SetEffortRequest
 
 START_US = 3_050_250
+TICK_US = 1000
+
+
+@pytest.fixture(scope="module")
+def phases_us(image: Path, native_library: Path) -> tuple[float, float]:
+    """When the image first ticks, and how long after a tick its efforts reach the bridges."""
+    with VirtualRobot(image, seed=3) as board:
+        while board.next_tick_us() > board.time_us + TICK_US:  # SysTick has not been started yet
+            board.run_us(100)
+        first_us = board.next_tick_us()
+        board.run_us(START_US - board.time_us)
+        board.link_write(encode(Frame(SetEffortRequest.ID, 1, SetEffortRequest(0.5, 0.5).pack())))
+        while board.bridge(0) == (1.0, 1.0):
+            board.run_us(1)
+        return first_us, (board.time_us - first_us) % TICK_US
 
 
 def log_of(robot: Any, plan_name: str) -> bytes:
@@ -44,19 +61,19 @@ BRISTLES = HiddenEffects().changed(
 
 @pytest.mark.parametrize("hidden", [HiddenEffects(), LATE], ids=["plain", "late and shaken"])
 def test_core_and_flashed_image_leave_the_same_log_byte_for_byte(
-    image: Path, native_library: Path, hidden: HiddenEffects
+    image: Path, phases_us: tuple[float, float], hidden: HiddenEffects
 ) -> None:
-    with VirtualRobot(image, seed=3) as board, CoreRobot(seed=3) as core:
+    with VirtualRobot(image, seed=3) as board, CoreRobot(seed=3, phases_us=phases_us) as core:
         board.hide(hidden)
         core.hide(hidden)
         assert log_of(core, "paper/XVII") == log_of(board, "paper/XVII")
 
 
 def test_an_edge_within_nanoseconds_of_a_tick_may_move_odometrys_last_digit_and_nothing_else(
-    image: Path, native_library: Path
+    image: Path, phases_us: tuple[float, float]
 ) -> None:
     """The image's tick waits for whole instructions, so that its reading of the counters jitters."""
-    with VirtualRobot(image, seed=3) as board, CoreRobot(seed=3) as core:
+    with VirtualRobot(image, seed=3) as board, CoreRobot(seed=3, phases_us=phases_us) as core:
         board.hide(BRISTLES)
         core.hide(BRISTLES)
         seen = decode_log(log_of(board, "paper/XVII")).records

@@ -32,6 +32,7 @@ _P, _U64, _SIZE, _BOOL = ctypes.c_void_p, ctypes.c_uint64, ctypes.c_size_t, ctyp
 _BUFFER_SIZE = 65536
 _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "core_robot_create": (_P, [_P, _U64, ctypes.c_char_p]),
+    "core_robot_set_phases": (None, [_P, ctypes.c_double, ctypes.c_double]),
     "core_robot_destroy": (None, [_P]),
     "core_robot_run_us": (None, [_P, _U64]),
     "core_robot_time_us": (_U64, [_P]),
@@ -78,6 +79,8 @@ class CoreRobot:
     seed : decides noise; the same seed gives the same run.
     hidden : effects beyond `robot`.
     board_id : the controller's 12-byte unique id.
+    phases_us : when the first tick comes, and how long after a tick its efforts reach the bridges;
+        by default about as on the board.
 
     Raises
     ------
@@ -91,6 +94,7 @@ class CoreRobot:
         seed: int = 1,
         hidden: HiddenEffects | None = None,
         board_id: bytes = DEFAULT_BOARD_ID,
+        phases_us: tuple[float, float] | None = None,
     ) -> None:
         self._robot: int | None = None
         self._library = load_core()
@@ -103,6 +107,8 @@ class CoreRobot:
         self._robot = self._library.core_robot_create(parameters, seed & (2**64 - 1), board_id)
         if self._robot is None:
             raise MemoryError("core_robot_create")
+        if phases_us is not None:
+            self._library.core_robot_set_phases(self._robot, *phases_us)
         self._plant: int = self._library.core_robot_plant(self._robot)
         self._samples: Samples = np.zeros(0, SAMPLE)
         if hidden is not None:

@@ -102,6 +102,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "board_write_memory": (_BOOL, [_P, _U32, ctypes.c_char_p, _SIZE]),
     "board_trace_hash": (None, [_P, _P]),
     "board_trace_count": (_U64, [_P]),
+    "board_next_tick_ps": (_U64, [_P]),
     "board_cost": (None, [_P, ctypes.c_uint, _P]),
     "board_stats": (None, [_P, _P]),
     "board_warning": (ctypes.c_char_p, [_P, _SIZE, _P]),

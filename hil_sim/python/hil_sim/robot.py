@@ -240,6 +240,10 @@ class VirtualRobot:
         """Return how many events the trace hash covers."""
         return int(self._library.board_trace_count(self._board))
 
+    def next_tick_us(self) -> float:
+        """Return when SysTick next reaches zero, microseconds of virtual time."""
+        return float(self._library.board_next_tick_ps(self._board)) * 1e-6
+
     def cost(self, exception: int) -> ExceptionCost:
         """Return what an exception number has cost: 0 thread mode, 15 SysTick, 16 + n interrupt n."""
         cost = native.Cost()
