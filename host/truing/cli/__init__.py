@@ -20,6 +20,7 @@ from truing.errors import TruingError
 # Name, and the line that `truing --help` shows, in the order a newcomer meets them.
 COMMANDS: dict[str, str] = {
     "demo": "The whole chain once: board, run, log, numbers, pictures.",
+    "view": "See and drive the robot in the browser.",
     "board": "Start a virtual board for other programs to connect to.",
     "ports": "List where a board may be.",
     "info": "Say who the board is and how it is.",

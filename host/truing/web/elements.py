@@ -1,0 +1,210 @@
+"""The view's own elements: the floor from above, the strip chart, and small pieces of HTML that frames fill.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from nicegui import events, ui
+from nicegui.element import Element
+
+from truing.web.pose import Pose
+
+
+class TopView(Element, component="static/top_view.js"):
+    """The floor from above.
+
+    Parameters
+    ----------
+    mode : `live` (the robot), `world` (editing), `model` (the model robot), `paths` (nothing but paths).
+    """
+
+    def __init__(self, label: str, mode: str, *, scale: int = 100, fitted: bool = False) -> None:
+        super().__init__()
+        for name, value in {
+            "label": label,
+            "mode": mode,
+            "tool": "pan",
+            "follow": False,
+            "sensors": True,
+            "grid": "none",
+            "ghosts": False,
+            "brush": 0.1,
+            "scale": scale,
+            "paths": [],
+            "nodes": [],
+            "pose": None,
+            "fitted": fitted,
+        }.items():
+            self._props[name] = value
+
+    def set(self, **props: Any) -> None:
+        """Change properties."""
+        for name, value in props.items():
+            self._props[name] = value
+        self.update()
+
+    def value(self, name: str) -> Any:
+        """A property's present value."""
+        return self._props[name]
+
+    def set_model(self, pose: Pose, path: Sequence[Sequence[float]] | None = None) -> None:
+        """Move the model robot; a path is painted behind it."""
+        self.run_method("setModel", pose.as_list(), path)
+
+    def play(self, poses: Sequence[Sequence[float]], seconds: float) -> None:
+        """Let the model robot drive through poses."""
+        self.run_method("play", list(poses), seconds)
+
+    def fit(self) -> None:
+        """Show everything."""
+        self.run_method("fit")
+
+    def zoom(self, factor: float) -> None:
+        """Nearer or farther; 0 goes back to the first scale."""
+        self.run_method("setZoom", factor)
+
+
+class StripChart(Element, component="static/strip_chart.js", default_classes="strip"):
+    """Both wheels over the last seconds."""
+
+
+class LiveKeys(Element, component="static/live_keys.js"):
+    """Nothing to see: the driving keys move the robot as long as this is on the page."""
+
+
+class ModelKeys(Element, component="static/model_keys.js"):
+    """Nothing to see: the driving keys move the model robot; emits `cycle`, `speed` and `stop`."""
+
+
+def heading(text: str) -> None:
+    """A small heading of a panel."""
+    tag("h2", text)
+
+
+def tag(name: str, text: str = "", classes: str = "", **attributes: str) -> Element:
+    """A plain HTML element; underscores in attributes' names become dashes."""
+    element = ui.element(name)
+    if text:
+        element._text = text
+    if classes:
+        element.classes(classes)
+    for key, value in attributes.items():
+        element._props[key.rstrip("_").replace("_", "-")] = value
+    return element
+
+
+def live_text(name: str, classes: str = "num", element: str = "span", first: str = "–") -> Element:
+    """A text that every frame fills."""
+    return tag(element, first, classes, data_live=name)
+
+
+def button(
+    text: str,
+    on_click: Callable[[], Any] | None = None,
+    *,
+    strong: bool = False,
+    label: str = "",
+    **attributes: str,
+) -> Element:
+    """A button that looks like part of the instrument."""
+    element = tag("button", text, "plain strong" if strong else "plain", type="button", **attributes)
+    if label:
+        element._props["aria-label"] = label
+    if on_click is not None:
+        element.on("click", on_click, [])
+    return element
+
+
+class Choice:
+    """A row of buttons of which one is pressed.
+
+    Parameters
+    ----------
+    options : value and text of each.
+    """
+
+    def __init__(
+        self, label: str, options: dict[str, str], value: str, on_change: Callable[[str], Any]
+    ) -> None:
+        self.value = value
+        self._on_change = on_change
+        self._buttons: dict[str, Element] = {}
+        with tag("div", classes="row-tight", role="group", aria_label=label):
+            for name, text in options.items():
+                self._buttons[name] = button(text, lambda name=name: self.choose(name))
+        self._show()
+
+    def choose(self, value: str) -> None:
+        """Press another button."""
+        self.value = value
+        self._show()
+        self._on_change(value)
+
+    def _show(self) -> None:
+        for name, element in self._buttons.items():
+            element._props["aria-pressed"] = "true" if name == self.value else "false"
+            element.update()
+
+
+class Toggle:
+    """A button that stays pressed."""
+
+    def __init__(self, text: str, value: bool, on_change: Callable[[bool], Any]) -> None:
+        self.value = value
+        self._on_change = on_change
+        self._button = button(text, self._press)
+        self._show()
+
+    def _press(self) -> None:
+        self.value = not self.value
+        self._show()
+        self._on_change(self.value)
+
+    def _show(self) -> None:
+        self._button._props["aria-pressed"] = "true" if self.value else "false"
+        self._button.update()
+
+
+class PlainTable:
+    """A table of text whose rows can be replaced."""
+
+    def __init__(self, caption: str) -> None:
+        self._caption = caption
+        with tag("div", classes="scroll-x", tabindex="0", role="region", aria_label=caption):
+            self._table = tag("table", classes="plain", aria_label=caption)
+
+    def fill(self, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+        """Show these rows."""
+        self._table.clear()
+        with self._table:
+            with tag("thead"), tag("tr"):
+                for text in head:
+                    tag("th", text, scope="col")
+            with tag("tbody"):
+                for row in rows:
+                    with tag("tr"):
+                        for text in row:
+                            tag("td", text)
+
+
+def number(
+    label: str, value: float, on_change: Callable[[float], Any], *, low: float, high: float, step: float
+) -> ui.number:
+    """A small number field that gives only numbers within its limits."""
+
+    def changed(event: events.ValueChangeEventArguments[Any]) -> None:
+        if isinstance(event.value, int | float) and low <= event.value <= high:
+            on_change(float(event.value))
+
+    field = ui.number(label, value=value, min=low, max=high, step=step, on_change=changed)
+    field.props("dense outlined dark").style("width: 108px")
+    return field
+
+
+def say(text: str, *, good: bool = True) -> None:
+    """A note at the page's foot."""
+    ui.notify(
+        text, type="positive" if good else "negative", position="bottom", timeout=6000 if good else 12000
+    )

@@ -1,0 +1,97 @@
+"""What every page has: the bar with the pages, the link's state, who drives, and the stop button."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from nicegui import context, ui
+
+from truing.web.elements import live_text, tag
+
+STATIC = Path(__file__).parent / "static"
+
+PAGES = {
+    "/": "Live",
+    "/world": "World",
+    "/trajectory": "Trajectory",
+    "/compare": "Compare",
+    "/models": "Models",
+    "/analysis": "Analysis",
+    "/scene": "3-D",
+}
+
+_HELP = (
+    ("↑ ↓ ← → or W A S D", "drive: forward, back, left, right (held)"),
+    ("+ and −", "faster, slower"),
+    ("space", "stop, always, for everybody"),
+    ("C", "take or leave the wheel"),
+    ("1 to 7", "pages"),
+    ("I J K L, comma, full stop, F, 0", "in a picture of the floor: move, zoom, fit, 100 px/m"),
+    ("Enter", "in a picture of the floor: use the tool at its middle"),
+)
+
+
+def frame(routes: dict[str, Callable[[], None]]) -> None:
+    """The bar, and under it the page that the address names."""
+    session = context.client.id
+    ui.add_head_html(
+        '<link rel="stylesheet" href="/view-static/theme.css">'
+        '<link rel="modulepreload" href="/view-static/live.js">'
+        f'<script type="module">import {{ live }} from "/view-static/live.js"; live.start("{session}");</script>'
+    )
+    ui.query("html").props('lang="en"')
+    help_box = _help()
+    with tag("header", classes="bar-top"):
+        tag("h1", "truing")
+        with tag("nav", aria_label="Pages"):
+            links = {}
+            for number, (path, name) in enumerate(PAGES.items(), 1):
+                links[path] = tag("a", href=path, data_page=path)
+                with links[path]:
+                    tag("span", name)
+                    tag("kbd", str(number), aria_hidden="true")
+        with tag("div", classes="state"):
+            with tag("span", classes="lamp link", role="status"):
+                live_text("link", "", first="connecting")
+            with tag("span", classes="lamp faults long"):
+                live_text("state", "num")
+            with tag("span", classes="lamp driver long", role="status"):
+                live_text("driver", "", first="nobody drives")
+            tag("button", "Keys ?", "plain long", type="button", data_help="").on("click", help_box.open, [])
+            with tag("button", "STOP", "stop", type="button", data_live_stop="", aria_keyshortcuts="Space"):
+                tag("kbd", "space", aria_hidden="true", style="color:#fff;border-color:#e58f89")
+
+    def mark(path: str) -> None:
+        for at, link in links.items():
+            if at == path:
+                link._props["aria-current"] = "page"
+            else:
+                link._props.pop("aria-current", None)
+            link.update()
+
+    def marked(path: str, build: Callable[[], None]) -> Callable[[], None]:
+        def page() -> None:
+            mark(path)
+            ui.page_title(f"{PAGES[path]} · truing")
+            with tag("main"):
+                build()
+
+        return page
+
+    ui.sub_pages({path: marked(path, build) for path, build in routes.items()})
+
+
+def _help() -> ui.dialog:
+    with (
+        ui.dialog() as dialog,
+        tag("div", style="background:#1b222c;color:#dbe3ec;padding:18px 22px;border:1px solid #2a333f"),
+    ):
+        tag("h2", "Keys")
+        with tag("dl", classes="facts"):
+            for keys, what in _HELP:
+                tag("dt", what)
+                with tag("dd"):
+                    tag("kbd", keys)
+    dialog.props('aria-label="Keys"')
+    return dialog

@@ -1,0 +1,144 @@
+"""Live: where the robot is, what it was told, what it does; and driving it by keys."""
+
+from __future__ import annotations
+
+from truing.web.elements import LiveKeys, StripChart, Toggle, TopView, button, heading, live_text, tag
+from truing.web.session import ViewSession
+
+_KEYS = (
+    ("", ""),
+    ("forward", "↑"),
+    ("", ""),
+    ("left", "←"),
+    ("", ""),
+    ("right", "→"),
+    ("", ""),
+    ("back", "↓"),
+    ("", ""),
+)
+
+
+def build(session: ViewSession) -> None:
+    """The page."""
+    with tag("div", classes="view"):
+        with tag("section", classes="stage", aria_label="Floor"):
+            top = TopView("The robot, its trail and its sensors from above", "live", fitted=True)
+            with tag("div", classes="overlay"):
+                Toggle("Follow", False, lambda on: top.set(follow=on))
+                Toggle("Sensors", True, lambda on: top.set(sensors=on))
+                Toggle("Odometry", False, lambda on: top.set(ghosts=on))
+                button("Clear trail", data_live_trail="")
+                button("Fit", top.fit)
+        with tag("section", classes="side", aria_label="Instruments"):
+            instruments()
+            connection(session)
+            faults_and_task()
+    LiveKeys()
+
+
+def instruments() -> None:
+    """Speeds, efforts and their last seconds."""
+    with tag("div"):
+        heading("Wheels")
+        with tag("div", classes="gauges"):
+            tag("span", "")
+            tag("span", "left", "head left")
+            tag("span", "right", "head right")
+            for name, unit, text in (
+                ("command", "m/s", "commanded"),
+                ("speed", "m/s", "measured"),
+                ("effort", "%", "effort"),
+            ):
+                tag("span", f"{text}, {unit}", "name")
+                live_text(f"{name}-left", "num left")
+                live_text(f"{name}-right", "num right")
+            tag("span", "")
+            for side in ("left", "right"):
+                with tag("div", classes=f"meter {side}", aria_hidden="true"):
+                    tag("span", data_live_bar=f"effort-{side}")
+    StripChart()
+    drive_panel()
+    with tag("div"):
+        heading("Pose")
+        facts(
+            ("x", "x, m"),
+            ("theta", "heading, °"),
+            ("y", "y, m"),
+            ("forward", "speed, m/s"),
+            ("drift", "off by, mm"),
+            ("fps", "picture"),
+        )
+
+
+def facts(*rows: tuple[str, str]) -> None:
+    """Names and live values in two columns."""
+    with tag("div", classes="pair"):
+        for half in (rows[::2], rows[1::2]):
+            with tag("dl", classes="facts", style="align-content:start"):
+                for name, text in half:
+                    tag("dt", text)
+                    live_text(name, "num", "dd")
+
+
+def drive_panel() -> None:
+    """Take the wheel, drive, change speed."""
+    with tag("div"):
+        heading("Drive")
+        with tag("div", classes="row-tight"):
+            tag("button", "Take the wheel", "plain strong", type="button", data_live_claim="")
+            button("−", label="slower").on(
+                "click", js_handler="() => window.truing.live._keyUser()?.faster(false)"
+            )
+            live_text("share", "num", first="40 %")
+            button("+", label="faster").on(
+                "click", js_handler="() => window.truing.live._keyUser()?.faster(true)"
+            )
+        with tag("div", classes="keys", style="margin-top:8px", aria_label="Driving keys", role="group"):
+            for key, arrow in _KEYS:
+                if key:
+                    tag("button", arrow, "plain", type="button", data_live_key=key, aria_label=key)
+                else:
+                    tag("span", "")
+
+
+def connection(session: ViewSession) -> None:
+    """Board and link, and pulling and plugging the link."""
+    with tag("div"):
+        heading("Board")
+        facts(
+            ("board-name", "board"),
+            ("battery", "battery, V"),
+            ("mode", "mode"),
+            ("sequence", "sequence"),
+            ("log", "log"),
+            ("source-rate", "samples"),
+        )
+        with tag("p", classes="told", role="status", style="margin:6px 0"):
+            live_text("link-told", "")
+            tag("span", " ")
+            live_text("link-next", "dim", first="")
+        with tag("div", classes="row-tight"):
+            button("Connect", session.worker.plug)
+            button("Disconnect", session.worker.unplug)
+
+
+def faults_and_task() -> None:
+    """Faults by name, and what the board is busy with."""
+    with tag("div"):
+        heading("Faults")
+        tag("ul", classes="faults", data_live_faults="", role="status")
+        tag("button", "Clear faults", "plain", type="button", data_live_clear="", style="margin-top:6px")
+    task_panel()
+
+
+def task_panel() -> None:
+    """A plan under way, and how it went."""
+    with tag("div"):
+        heading("Plan")
+        with tag("p", style="margin:0 0 4px", role="status"):
+            live_text("task", "")
+        with tag("div", classes="meter task", aria_hidden="true"):
+            tag("span", data_live_bar="task")
+        with tag("p", style="margin:4px 0 0", classes="told"):
+            live_text("task-problem", "", first="")
+            live_text("task-saved", "dim", first="")

@@ -1,0 +1,102 @@
+"""From control inputs to a sequence: the plan that a board runs, and its file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from truing.errors import PlanError
+from truing.plan import MAX_SEGMENTS, Kind, Plan, Segment, load_plan
+from truing.recording_writer import replace_file
+from truing.web.trajectory import Cycle
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,60}")
+
+
+def plan_of(name: str, cycles: Sequence[Cycle], *, title: str = "", log_rate_hz: int = 20) -> Plan:
+    """The plan of these control inputs: equal ones that follow each other become one segment.
+
+    Raises
+    ------
+    PlanError : nothing moves, or the inputs change more often than a board has segments for.
+    """
+    segments: list[Segment] = []
+    for cycle in cycles:
+        last = segments[-1] if segments else None
+        if last is not None and (last.a, last.b) == (cycle.v_mps, cycle.omega_radps):
+            segments[-1] = Segment(Kind.TWIST, round(last.duration_s + cycle.duration_s, 3), last.a, last.b)
+        else:
+            segments.append(Segment(Kind.TWIST, round(cycle.duration_s, 3), cycle.v_mps, cycle.omega_radps))
+    if not any(segment.a or segment.b for segment in segments):
+        raise PlanError("the trajectory is empty", "drive the model robot with the keys, or draw a path")
+    if len(segments) > MAX_SEGMENTS:
+        raise PlanError(
+            f"the trajectory has {len(segments)} different control inputs; a board holds {MAX_SEGMENTS}",
+            "take some of it back, or draw it with lines and arcs",
+        )
+    return Plan(name, title or f"{name}: drawn in the view", tuple(segments), log_rate_hz)
+
+
+def cycles_of_plan(plan: Plan, wheelbase_m: float) -> list[Cycle]:
+    """The control inputs of a plan of twists and wheel speeds.
+
+    Raises
+    ------
+    PlanError : it has efforts, whose speeds a model must tell.
+    """
+    found = []
+    for segment in plan.segments:
+        if segment.kind is Kind.EFFORT:
+            raise PlanError(
+                f"{plan.name}: efforts are no control inputs [v, omega]", "choose a plan of twists"
+            )
+        if segment.kind is Kind.TWIST:
+            v, omega = segment.a, segment.b
+        else:
+            v, omega = 0.5 * (segment.a + segment.b), (segment.b - segment.a) / wheelbase_m
+        found.append(Cycle(v, omega, segment.duration_s))
+    return found
+
+
+def to_toml(plan: Plan) -> str:
+    """A plan file; `load_plan` reads the same plan from it."""
+    lines = [f"# {len(plan.segments)} control inputs u(t) = [v, omega], {plan.duration_s:.1f} s", ""]
+    lines.append(f"title = {_quoted(plan.title)}")
+    if plan.log_rate_hz:
+        lines.append(f"log_rate_hz = {plan.log_rate_hz}")
+    for segment in plan.segments:
+        pair = f"{{ v_mps = {segment.a!r}, omega_radps = {segment.b!r} }}"
+        value = pair if segment.kind is Kind.TWIST else f"[{segment.a!r}, {segment.b!r}]"
+        lines += [
+            "",
+            "[[segment]]",
+            f"duration_s = {segment.duration_s!r}",
+            f"{segment.kind.value} = {value}",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def save_sequence(plan: Plan, folder: Path) -> Path:
+    """Write a plan under its own name into `folder`, and read it back."""
+    path = folder / f"{checked_name(plan.name)}.toml"
+    replace_file(path, to_toml(plan).encode())
+    load_plan(str(path))
+    return path
+
+
+def checked_name(name: str) -> str:
+    """`name` when it is one that may become a file's: no folders, nothing hidden.
+
+    Raises
+    ------
+    PlanError : it is not.
+    """
+    if not _NAME.fullmatch(name):
+        raise PlanError(f"{name!r} is no name for a file", "take letters, digits, _ - and . (up to 61)")
+    return name
+
+
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", " ")
+    return f'"{escaped}"'

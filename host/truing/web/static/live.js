@@ -1,0 +1,275 @@
+// The page's link to the view's process: frames in, keys out, and the dead man's handle.
+// A frame is asked for when the last one has been drawn, so that a slow page never has a queue.
+
+const HEARTBEAT_MS = 60;
+const KEYS = {
+  ArrowUp: "forward", KeyW: "forward", ArrowDown: "back", KeyS: "back",
+  ArrowLeft: "left", KeyA: "left", ArrowRight: "right", KeyD: "right",
+};
+const PAGES = ["/", "/world", "/trajectory", "/compare", "/models", "/analysis", "/scene"];
+
+class Live {
+  constructor() {
+    this.views = new Set();          // called with each frame
+    this.keyUsers = new Set();       // {down(key), up(key)}: who takes the driving keys, newest first
+    this.state = {};                 // what changes seldom, merged
+    this.samples = [];               // newest last
+    this.trail = [];
+    this.truth = [];
+    this.held = new Set();
+    this.frames = 0;
+    this.rate = 0;
+    this.session = null;
+    this._shown = 0;
+  }
+
+  start(session) {
+    if (this.session) return;
+    this.session = session;
+    window.truingLive = this;
+    window.addEventListener("keydown", (e) => this._key(e, true), true);
+    window.addEventListener("keyup", (e) => this._key(e, false), true);
+    window.addEventListener("blur", () => this._releaseAll());
+    document.addEventListener("visibilitychange", () => { if (document.hidden) this._releaseAll(); });
+    this._open();
+    setInterval(() => this._beat(), HEARTBEAT_MS);
+    setInterval(() => { this.rate = this.frames; this.frames = 0; this._write("fps", this.rate + " fps"); }, 1000);
+  }
+
+  send(message) {
+    if (this.socket && this.socket.readyState === 1) this.socket.send(JSON.stringify(message));
+  }
+
+  get drives() { return this.state.driver === "you"; }
+
+  _open() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    this.socket = new WebSocket(`${scheme}://${location.host}/live?session=${encodeURIComponent(this.session)}`);
+    this.socket.binaryType = "arraybuffer";
+    const decoder = new TextDecoder();
+    this.socket.onopen = () => { document.body.classList.remove("view-gone"); this.send({ t: "next" }); };
+    this.socket.onmessage = (event) => {
+      const frame = JSON.parse(decoder.decode(event.data));
+      this._take(frame);
+      requestAnimationFrame((now) => {
+        this._draw(frame, now);
+        this.send({ t: "next" });
+      });
+    };
+    this.socket.onclose = () => {
+      document.body.classList.add("view-gone");
+      this._write("link", "view is gone");
+      setTimeout(() => this._open(), 500);
+    };
+  }
+
+  _take(frame) {
+    this.frames += 1;
+    for (const name of ["link", "board", "task", "driver", "share", "world", "grids", "frames"]) {
+      if (name in frame) this.state[name] = frame[name];
+    }
+    if (frame.scan) this.state.scan = frame.scan;
+    if (frame.samples.length) {
+      this.samples.push(...frame.samples);
+      if (this.samples.length > 6000) this.samples.splice(0, this.samples.length - 5000);
+      for (const s of frame.samples) addPoint(this.trail, s[8], s[9]);
+    }
+    if (frame.corrected) addPoint(this.truth, frame.corrected[0], frame.corrected[1]);
+    this.odometry = frame.odometry;
+    this.corrected = frame.corrected;
+  }
+
+  _draw(frame, now) {
+    for (const view of this.views) view(frame, now);
+    const last = this.samples[this.samples.length - 1];
+    const write = (name, text) => this._write(name, text);
+    if (last) {
+      write("speed-left", signed(last[1], 3)); write("speed-right", signed(last[2], 3));
+      write("command-left", last[3] === null ? "–" : signed(last[3], 3));
+      write("command-right", last[4] === null ? "–" : signed(last[4], 3));
+      write("effort-left", signed(100 * last[5], 1)); write("effort-right", signed(100 * last[6], 1));
+      write("battery", last[7] === null ? "no reading" : last[7].toFixed(2));
+      write("x", signed(last[8], 3)); write("y", signed(last[9], 3));
+      write("theta", signed(degrees(last[10]), 1));
+      write("forward", signed((last[1] + last[2]) / 2, 3));
+      this._bar("effort-left", last[5]); this._bar("effort-right", last[6]);
+    }
+    if (frame.odometry && frame.corrected) {
+      const off = Math.hypot(frame.odometry[0] - frame.corrected[0], frame.odometry[1] - frame.corrected[1]);
+      write("drift", (1000 * off).toFixed(0));
+    }
+    // What seldom changes is written when it does, and again for elements that have come since.
+    if (now > this._shown + 200 || "link" in frame || "board" in frame || "task" in frame || "driver" in frame || "share" in frame) {
+      this._shown = now;
+      this._showSlow(this.state);
+    }
+  }
+
+  _showSlow(state) {
+    if (state.link) this._showLink(state.link);
+    this._showBoard(state.board);
+    this._showTask(state.task);
+    if (state.share) this._write("share", Math.round(100 * state.share) + " %");
+    if (!state.driver) return;
+    this._write("driver", { nobody: "nobody drives", you: "you drive", another: "another page drives" }[state.driver]);
+    document.body.dataset.driver = state.driver;
+    for (const button of document.querySelectorAll("[data-live-claim]")) {
+      const text = state.driver === "you" ? "Leave the wheel" : "Take the wheel";
+      if (button.textContent !== text) button.textContent = text;
+      button.toggleAttribute("disabled", state.driver === "another");
+    }
+  }
+
+  _showLink(link) {
+    document.body.dataset.link = link.state;
+    this._write("link", link.state);
+    this._write("link-told", link.told);
+    this._write("link-next", link.next ? "Next: " + link.next : "");
+    this._write("board-name", link.board || "no board");
+    this._write("source-rate", link.rate_hz ? link.rate_hz.toFixed(0) + " Hz" : "–");
+  }
+
+  _showBoard(board) {
+    this._write("state", board ? board.state : "–");
+    this._write("mode", board ? board.mode : "–");
+    this._write("sequence", board ? board.sequence : "–");
+    this._write("log", board ? (board.log_open ? "writing" : "closed") : "–");
+    const faults = board ? board.faults : [];
+    document.body.dataset.faults = faults.length ? "yes" : "no";
+    const key = JSON.stringify(faults);
+    for (const list of document.querySelectorAll("[data-live-faults]")) {
+      if (list.shownFaults === key) continue;
+      list.shownFaults = key;
+      list.replaceChildren(...(faults.length ? faults : [null]).map((fault) => {
+        const item = document.createElement("li");
+        if (!fault) { item.textContent = "none"; item.className = "dim"; return item; }
+        const name = document.createElement("b");
+        name.textContent = fault.name + (fault.active ? "" : " (latched)");
+        item.append(name, document.createTextNode(" " + fault.cause + ". "));
+        const next = document.createElement("span");
+        next.className = "dim"; next.textContent = fault.next;
+        item.append(next);
+        return item;
+      }));
+    }
+  }
+
+  _showTask(task) {
+    document.body.dataset.task = task ? task.stage : "";
+    this._write("task", task ? `${task.name}: ${task.stage}` : "–");
+    this._write("task-problem", task ? task.problem : "");
+    this._write("task-saved", task && task.saved ? "saved: " + task.saved : "");
+    for (const bar of document.querySelectorAll("[data-live-bar='task']")) {
+      bar.style.width = 100 * (task ? task.share : 0) + "%";
+    }
+  }
+
+  _write(name, text) {
+    for (const element of document.querySelectorAll(`[data-live='${name}']`)) {
+      if (element.textContent !== text) element.textContent = text;
+    }
+  }
+
+  _bar(name, value) {
+    for (const bar of document.querySelectorAll(`[data-live-bar='${name}']`)) {
+      bar.style.left = 50 + Math.min(0, value) * 50 + "%";
+      bar.style.width = Math.abs(value) * 50 + "%";
+    }
+  }
+
+  // ---- keys
+
+  _key(event, down) {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const typing = event.target.closest?.("input:not([type=range]), textarea, select, [contenteditable=true]");
+    const own = event.target.closest?.("[role=slider], [role=listbox], [role=option], [role=combobox], [role=menu], [role=tab], [role=radio]");
+    if (event.code === "Space") {
+      const moving = ["live", "sequence"].includes(this.state.board?.state);
+      if (typing && !moving) return;
+      event.preventDefault(); event.stopPropagation();
+      if (down && !event.repeat) { this._releaseAll(); this.send({ t: "stop" }); this._keyUser()?.stop?.(); flash(); }
+      return;
+    }
+    if (typing) return;
+    const key = KEYS[event.code];
+    if (key && !(own && event.code.startsWith("Arrow"))) {
+      const user = this._keyUser();
+      if (!user) return;
+      event.preventDefault();
+      if (event.repeat) return;
+      if (down) this.held.add(key); else this.held.delete(key);
+      user.keys([...this.held]);
+      return;
+    }
+    if (!down) return;
+    if (event.key === "+" || event.key === "=") this._keyUser()?.faster(true);
+    else if (event.key === "-") this._keyUser()?.faster(false);
+    else if (event.key === "c" && !event.repeat) this.toggleWheel();
+    else if (/^[1-7]$/.test(event.key)) document.querySelector(`[data-page='${PAGES[event.key - 1]}']`)?.click();
+    else if (event.key === "?") document.querySelector("[data-help]")?.click();
+  }
+
+  _keyUser() { return [...this.keyUsers].pop(); }
+
+  toggleWheel() { this.send({ t: this.drives ? "leave" : "claim" }); }
+
+  press(key, down) { // buttons on the screen do what keys do
+    if (down) this.held.add(key); else this.held.delete(key);
+    this._keyUser()?.keys([...this.held]);
+  }
+
+  _releaseAll() {
+    if (!this.held.size) return;
+    this.held.clear();
+    this._keyUser()?.keys([]);
+  }
+
+  _beat() {
+    const user = this._keyUser();
+    if (this.drives) this.send({ t: "keys", keys: user && user.drivesRobot ? [...this.held] : [] });
+  }
+
+  driveRobot() { // the default use of the keys: the robot itself
+    return {
+      drivesRobot: true,
+      keys: (held) => { if (!this.drives && held.length) this.send({ t: "claim" }); this.send({ t: "keys", keys: held }); },
+      faster: (up) => this.send({ t: up ? "faster" : "slower" }),
+    };
+  }
+}
+
+function addPoint(line, x, y) {
+  const last = line[line.length - 1];
+  if (!last || Math.hypot(x - last[0], y - last[1]) > 0.01) line.push([x, y]);
+  if (line.length > 6000) line.splice(0, 1000);
+}
+
+function flash() {
+  document.body.classList.add("stopped-now");
+  setTimeout(() => document.body.classList.remove("stopped-now"), 250);
+}
+
+export function signed(value, digits) { return (value < 0 ? "−" : " ") + Math.abs(value).toFixed(digits); }
+export function degrees(angle) { const d = (angle * 180 / Math.PI) % 360; return d > 180 ? d - 360 : d < -180 ? d + 360 : d; }
+
+export const live = new Live();
+window.truing = { live };
+
+document.addEventListener("click", (event) => {
+  const element = event.target.closest?.("[data-live-claim], [data-live-stop], [data-live-clear], [data-live-trail]");
+  if (!element) return;
+  if (element.hasAttribute("data-live-claim")) live.toggleWheel();
+  else if (element.hasAttribute("data-live-stop")) { live._releaseAll(); live.send({ t: "stop" }); flash(); }
+  else if (element.hasAttribute("data-live-clear")) live.send({ t: "clear" });
+  else { live.trail.length = 0; live.truth.length = 0; }
+});
+
+for (const [event, down] of [["pointerdown", true], ["pointerup", false], ["pointercancel", false], ["pointerleave", false]]) {
+  document.addEventListener(event, (e) => {
+    const button = e.target.closest?.("[data-live-key]");
+    if (button && (down || live.held.has(button.dataset.liveKey))) {
+      if (down) e.preventDefault();
+      live.press(button.dataset.liveKey, down);
+    }
+  }, true);
+}
