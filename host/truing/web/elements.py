@@ -1,9 +1,9 @@
-"""The view's own elements: the floor from above, the strip chart, and small pieces of HTML that frames fill.
-"""
+"""The view's own elements: floor, strip chart, and small pieces of HTML that frames fill."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from nicegui import events, ui
@@ -133,7 +133,7 @@ class Choice:
         self._buttons: dict[str, Element] = {}
         with tag("div", classes="row-tight", role="group", aria_label=label):
             for name, text in options.items():
-                self._buttons[name] = button(text, lambda name=name: self.choose(name))
+                self._buttons[name] = button(text, partial(self.choose, name))
         self._show()
 
     def choose(self, value: str) -> None:

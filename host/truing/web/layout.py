@@ -15,10 +15,6 @@ PAGES = {
     "/": "Live",
     "/world": "World",
     "/trajectory": "Trajectory",
-    "/compare": "Compare",
-    "/models": "Models",
-    "/analysis": "Analysis",
-    "/scene": "3-D",
 }
 
 _HELP = (
@@ -26,7 +22,7 @@ _HELP = (
     ("+ and −", "faster, slower"),
     ("space", "stop, always, for everybody"),
     ("C", "take or leave the wheel"),
-    ("1 to 7", "pages"),
+    ("1 to 3", "pages"),
     ("I J K L, comma, full stop, F, 0", "in a picture of the floor: move, zoom, fit, 100 px/m"),
     ("Enter", "in a picture of the floor: use the tool at its middle"),
 )
@@ -38,7 +34,8 @@ def frame(routes: dict[str, Callable[[], None]]) -> None:
     ui.add_head_html(
         '<link rel="stylesheet" href="/view-static/theme.css">'
         '<link rel="modulepreload" href="/view-static/live.js">'
-        f'<script type="module">import {{ live }} from "/view-static/live.js"; live.start("{session}");</script>'
+        '<script type="module">import { live } from "/view-static/live.js";'
+        f'live.start("{session}");</script>'
     )
     ui.query("html").props('lang="en"')
     help_box = _help()

@@ -66,8 +66,7 @@ class LiveHistory:
             return self._samples[-1] if self._samples else None
 
     def since(self, number: int, most: int) -> list[PlacedSample]:
-        """Samples from `number` on, oldest first; of more than `most`, an even choice that keeps the newest.
-        """
+        """Samples from `number` on, oldest first; of more than `most`, an even choice with the newest."""
         with self._lock:
             if not self._samples or number >= self._next:
                 return []

@@ -15,6 +15,7 @@ from truing.recording import FloatArray
 from truing.web.map_file import FREE, OCCUPIED, UNKNOWN, ByteArray
 from truing.web.pose import Pose
 from truing.web.range_sensors import RangeSensor
+from truing.web.world_map import BoolArray
 
 # Probabilities 0.7 and 0.4 of an inverse sensor model in the book's example; the bound lets a cell that
 # something stood in for long become free again within seconds.
@@ -82,7 +83,7 @@ def _add(
     y: float,
     angles: FloatArray,
     reach: FloatArray,
-    hit: np.ndarray,  # type: ignore[type-arg]
+    hit: BoolArray,
 ) -> None:
     rows, columns = odds.shape
     half = 0.5 * resolution

@@ -83,7 +83,7 @@ def sonar_ring(
     seed: int = 1,
 ) -> RangeSensor:
     """Sonars all around the body."""
-    angles = np.arange(count) * (2.0 * math.pi / count)
+    angles: FloatArray = np.arange(count, dtype=np.float64) * (2.0 * math.pi / count)
     return RangeSensor("sonar", angles, math.radians(cone_deg), 0.18, 0.05, longest_m, noise_m, rate_hz, seed)
 
 
@@ -98,7 +98,7 @@ def laser_scanner(
 ) -> RangeSensor:
     """A planar laser at the centre, looking forward; a full circle has no beam twice."""
     half = math.radians(0.5 * field_of_view_deg)
-    angles = np.linspace(-half, half, beams, endpoint=field_of_view_deg < 360.0)
+    angles: FloatArray = np.linspace(-half, half, beams, endpoint=field_of_view_deg < 360.0)
     return RangeSensor("laser", angles, 0.0, 0.0, 0.02, longest_m, noise_m, rate_hz, seed)
 
 

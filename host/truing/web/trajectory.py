@@ -105,8 +105,10 @@ def drawn(start: Pose, cycles: Sequence[Cycle]) -> list[list[float]]:
     at = start
     for cycle in cycles:
         part = cycle.duration_s / _DRAWN_PER_CYCLE
-        for k in range(1, _DRAWN_PER_CYCLE + 1):
-            found.append(at.advanced(cycle.v_mps, cycle.omega_radps, k * part).as_list())
+        found += [
+            at.advanced(cycle.v_mps, cycle.omega_radps, k * part).as_list()
+            for k in range(1, _DRAWN_PER_CYCLE + 1)
+        ]
         at = at.advanced(cycle.v_mps, cycle.omega_radps, cycle.duration_s)
     return found
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -67,7 +68,7 @@ class WorldMap:
         if not points_m or not all(math.isfinite(c) for point in points_m for c in point):
             return
         ends = points_m if len(points_m) > 1 else points_m * 2
-        for a, b in zip(ends[:-1], ends[1:], strict=True):
+        for a, b in pairwise(ends):
             self._paint_line(a, b, 0.5 * width_m, value)
         self.version += 1
 
@@ -99,8 +100,8 @@ class WorldMap:
         rows = self.occupied.shape[0]
         for row in range(rows + 1):
             runs = set(_runs(self.occupied[row])) if row < rows else set()
-            for run in [run for run in open_runs if run not in runs]:
-                found.append((run[0], run[1], open_runs.pop(run), row))
+            ended = [run for run in open_runs if run not in runs]
+            found += [(*run, open_runs.pop(run), row) for run in ended]
             for run in runs:
                 open_runs.setdefault(run, row)
         r, (x, y) = self.resolution_m, self.origin_m
@@ -112,8 +113,7 @@ class WorldMap:
     def _paint_line(
         self, a: tuple[float, float], b: tuple[float, float], radius_m: float, value: bool
     ) -> None:
-        """Cells whose centre lies within the brush's radius of the stretch; at least those it runs through.
-        """
+        """Cells whose centre lies within the brush of the stretch; at least those it runs through."""
         r = self.resolution_m
         reach = max(radius_m, 0.5 * r)
         rows, columns = self.occupied.shape

@@ -85,7 +85,8 @@ class _TrajectoryPage:
             self.speed = tag("p", classes="num", style="margin:6px 0 0")
             tag(
                 "p",
-                f"limits of this robot: {limits.speed_mps:.2f} m/s, {math.degrees(limits.turn_radps):.0f} °/s, "
+                f"limits of this robot: {limits.speed_mps:.2f} m/s, "
+                f"{math.degrees(limits.turn_radps):.0f} °/s, "
                 f"wheel {limits.wheel_mps:.2f} m/s, {limits.accel_mps2:.1f} m/s²",
                 "dim",
                 style="font-size:12px;margin:2px 0 0",
@@ -212,7 +213,8 @@ class _TrajectoryPage:
         self.share = share
         _write(
             self.speed,
-            f"{100 * share:3.0f} %   {share * limits.speed_mps:.2f} m/s   {math.degrees(share * limits.turn_radps):.0f} °/s",
+            f"{100 * share:3.0f} %   {share * limits.speed_mps:.2f} m/s   "
+            f"{math.degrees(share * limits.turn_radps):.0f} °/s",
         )
         at = poses(self.start, cycles)[-1]
         _write(

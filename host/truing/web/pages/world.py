@@ -90,8 +90,8 @@ class _WorldPage:
                         button("Save map", self.save_grid)
                     tag(
                         "p",
-                        "Both maps grow from the same scans. The one laid out by odometry smears where odometry "
-                        "drifts; the other uses the virtual robot's true pose.",
+                        "Both maps grow from the same scans. The one laid out by odometry smears where "
+                        "odometry drifts; the other uses the virtual robot's true pose.",
                         "dim",
                         style="font-size:12px;margin:6px 0 0",
                     )

@@ -6,7 +6,7 @@ const KEYS = {
   ArrowUp: "forward", KeyW: "forward", ArrowDown: "back", KeyS: "back",
   ArrowLeft: "left", KeyA: "left", ArrowRight: "right", KeyD: "right",
 };
-const PAGES = ["/", "/world", "/trajectory", "/compare", "/models", "/analysis", "/scene"];
+const PAGES = ["/", "/world", "/trajectory"];
 
 class Live {
   constructor() {
@@ -205,7 +205,7 @@ class Live {
     if (event.key === "+" || event.key === "=") this._keyUser()?.faster(true);
     else if (event.key === "-") this._keyUser()?.faster(false);
     else if (event.key === "c" && !event.repeat) this.toggleWheel();
-    else if (/^[1-7]$/.test(event.key)) document.querySelector(`[data-page='${PAGES[event.key - 1]}']`)?.click();
+    else if (/^[1-3]$/.test(event.key)) document.querySelector(`[data-page='${PAGES[event.key - 1]}']`)?.click();
     else if (event.key === "?") document.querySelector("[data-help]")?.click();
   }
 
