@@ -94,9 +94,9 @@ class _Link:
             keys = tuple(k for k in held if k in _DRIVING_KEYS) if isinstance(held, list) else ()
             session.drive_keys(self._name, keys)
         elif kind == "stop":
-            session.worker.stop()
+            session.stop()
         elif kind == "claim":
-            session.lock.claim(self._name)
+            session.claim(self._name)
         elif kind == "leave":
             session.lock.release(self._name)
         elif kind in ("faster", "slower"):

@@ -101,6 +101,10 @@ def cycles_of(segments: Sequence[PathSegment], limits: Limits, share: float = 1.
     """
     found: list[Cycle] = []
     for segment in segments:
+        if found:
+            found.append(
+                Cycle(0.0, 0.0)
+            )  # from one sense of turning to the other the robot stands for a cycle
         if isinstance(segment, Line):
             fastest, accel = limits.on_radius(math.inf)
             found += [Cycle(v, 0.0) for v in _profile(segment.length_m, share * fastest, accel)]
@@ -123,13 +127,12 @@ def _profile(distance: float, fastest: float, accel: float) -> list[float]:
     alike, which keeps every step within the acceleration too.
     """
     step = accel * CYCLE_S
-    highest = max(1, math.floor(fastest / step + 1e-9))
-    if step > fastest:
-        step, highest = fastest, 1
-    # m steps up and down without a level part cover step * CYCLE_S * m^2.
-    m = min(highest, max(1, math.floor(math.sqrt(distance / (step * CYCLE_S)))))
+    # m - 1 steps up lead to a level of m steps at most; they cover step * CYCLE_S * m^2 with one level cycle.
+    m = min(
+        max(1, math.ceil(fastest / step - 1e-9)), max(1, math.floor(math.sqrt(distance / (step * CYCLE_S))))
+    )
     ramp = [step * k for k in range(1, m)]
-    top = fastest if m == highest else step * m
+    top = min(fastest, step * m)
     rest = distance - 2.0 * sum(ramp) * CYCLE_S
     level = max(1, math.ceil(rest / (top * CYCLE_S) - 1e-9))
     shape = [*ramp, *[top] * level, *ramp[::-1]]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import logging
 import socket
+import threading
+import time
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
@@ -47,7 +49,8 @@ def serve(session: ViewSession, options: ServerOptions, announce: Callable[[str,
     app.add_middleware(Gate, access=access)
     shown = "127.0.0.1" if options.host in ("0.0.0.0", "::") else options.host
     query = f"?token={access.token}" if access.token else ""
-    announce(f"http://{shown}:{port}/{query}", access)
+    address = f"http://{shown}:{port}/{query}"
+    app.on_startup(lambda: _when_listening(shown, port, lambda: announce(address, access)))
     logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
     ui.run(
         lambda: frame(_routes(session)),
@@ -72,6 +75,22 @@ def _routes(session: ViewSession) -> dict[str, Callable[[], None]]:
         "/world": lambda: world.build(session),
         "/trajectory": lambda: trajectory.build(session),
     }
+
+
+def _when_listening(host: str, port: int, then: Callable[[], None]) -> None:
+    """Call `then`, from a thread of its own, once somebody answers there."""
+
+    def knock() -> None:
+        for _ in range(200):
+            try:
+                socket.create_connection((host, port), timeout=1.0).close()
+            except OSError:
+                time.sleep(0.05)
+            else:
+                then()
+                return
+
+    threading.Thread(target=knock, name="announce", daemon=True).start()
 
 
 def _free_port(options: ServerOptions) -> int:

@@ -45,6 +45,7 @@ class ViewSession:
         self.world = _first_world()
         self.sensing = Sensing(self.world, self.poses)
         self.share = 0.4
+        self._stopped = False
         self.start_pose = _START
         self.truth_base: Pose | None = None
         self.error_model: ErrorModel = NO_ERROR
@@ -94,6 +95,10 @@ class ViewSession:
         if not self.lock.holds(session):
             return False
         self.lock.heard(session)
+        if not keys:
+            self._stopped = False
+        elif self._stopped:
+            keys = ()
         limits = self.worker.limits
         ahead = ("forward" in keys) - ("back" in keys)
         aside = ("left" in keys) - ("right" in keys)
@@ -102,6 +107,17 @@ class ViewSession:
         shrink = min(1.0, limits.wheel_mps / fastest) if fastest else 1.0
         self.worker.drive(v * shrink, omega * shrink)
         return True
+
+    def claim(self, session: str) -> bool:
+        """Take the wheel when it is free."""
+        if self.lock.session is None:
+            self._stopped = False
+        return self.lock.claim(session)
+
+    def stop(self) -> None:
+        """Brake now, whoever asks; a key that is still held moves nothing until it has been let go."""
+        self._stopped = True
+        self.worker.stop()
 
     def change_speed(self, session: str, faster: bool) -> None:
         """One step faster or slower."""
@@ -115,7 +131,7 @@ class ViewSession:
         ------
         TruingError : somebody else drives, or the board is busy or not there.
         """
-        if not self.lock.claim(session):
+        if not self.claim(session):
             raise TruingError("somebody else drives this robot", "wait until they leave the wheel")
         self.worker.run_plan(order)
 

@@ -126,7 +126,7 @@ def faults_and_task() -> None:
     """Faults by name, and what the board is busy with."""
     with tag("div"):
         heading("Faults")
-        tag("ul", classes="faults", data_live_faults="", role="status")
+        tag("ul", classes="faults", data_live_faults="", aria_live="polite")
         tag("button", "Clear faults", "plain", type="button", data_live_clear="", style="margin-top:6px")
     task_panel()
 
