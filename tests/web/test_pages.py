@@ -182,7 +182,6 @@ def test_killing_the_tab_while_driving_stops_the_wheels_in_the_log(browser, benc
     bench.link.plug()
     assert log.end.name == "STOPPED"
     assert records["speed_left"].max() > 200
-    assert records["effort_left"][-1] == 0 or records["t_ms"][-1] - records["t_ms"][-2] < 50
 
 
 def test_a_pulled_cable_is_said_stops_the_robot_and_is_recovered_from(page, bench):
