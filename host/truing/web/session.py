@@ -44,6 +44,7 @@ class ViewSession:
         self.worker = BoardWorker(self._connect, _START, each_step=self.lock.drop_silent)
         self.world = _first_world()
         self.sensing = Sensing(self.world, self.poses)
+        self.sensing.warm_up()
         self.share = 0.4
         self._stopped = False
         self.start_pose = _START

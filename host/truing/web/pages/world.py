@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from pathlib import Path
-from typing import Any
 
-import yaml
 from nicegui import events, ui
 
 from truing.errors import TruingError
 from truing.web.elements import Choice, LiveKeys, Toggle, TopView, button, heading, number, say, tag
-from truing.web.map_file import read_world, world_of, write_map, write_world
+from truing.web.map_file import read_world, write_map, write_world
 from truing.web.pages.live import drive_panel
 from truing.web.pose import Pose
 from truing.web.sequence_file import checked_name
@@ -72,7 +69,6 @@ class _WorldPage:
                         button("Save", self.save, strong=True)
                         button("Load", self.load)
                         button("Clear", self.clear)
-                    self._upload()
                 with tag("div"):
                     heading("Sensors")
                     self._sensors()
@@ -122,16 +118,6 @@ class _WorldPage:
                     sensing.set(**{name: kind(new)})
 
                 number(label, value, change, low=low, high=high, step=step)
-
-    def _upload(self) -> None:
-        upload = ui.upload(
-            label="Drop a map's .yaml and .png here",
-            multiple=True,
-            auto_upload=True,
-            max_file_size=8_000_000,
-            on_multi_upload=self.dropped,
-        )
-        upload.props('accept=".yaml,.yml,.png,.pgm" flat dark dense').style("margin-top:8px")
 
     # ---- what is done
 
@@ -187,21 +173,6 @@ class _WorldPage:
         self.session.sensing.clear_maps()
         self.top.fit()
         say(f"{name}: {world.size_m[0]:.1f} m by {world.size_m[1]:.1f} m at {world.resolution_m:g} m")
-
-    async def dropped(self, event: events.MultiUploadEventArguments) -> None:
-        """Load a map's two files."""
-        files = {Path(file.name).suffix.lower(): file for file in event.files}
-        text, picture = files.get(".yaml") or files.get(".yml"), files.get(".png") or files.get(".pgm")
-        if text is None or picture is None:
-            say("drop both files of a map: its .yaml and its picture", good=False)
-            return
-        try:
-            content: Any = yaml.safe_load(await text.text())
-            world = world_of(await picture.read(), content if isinstance(content, dict) else {}, text.name)
-        except (TruingError, yaml.YAMLError, UnicodeDecodeError) as error:
-            say(str(error), good=False)
-            return
-        self.take(world, text.name)
 
     def show_grid(self, grid: str) -> None:
         """Which global map lies under the picture."""

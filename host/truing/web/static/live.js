@@ -106,8 +106,6 @@ class Live {
   }
 
   _showSlow(state) {
-    // Quasar's uploader leaves its button and its field without a name.
-    for (const a of document.querySelectorAll(".q-uploader :is(a.q-btn, input):not([aria-label])")) a.setAttribute("aria-label", "Choose files");
     if (state.link) this._showLink(state.link);
     this._showBoard(state.board);
     this._showTask(state.task);
