@@ -4,118 +4,25 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
-from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser, Page, sync_playwright
 
-from support.served_board import ServedBoard
 from truing.device import Device
 from truing.log_decode import decode_log
 from truing.recording_reader import read_run
 from truing.web.map_file import read_world
-from web.view_process import CutLink, ViewProcess
+from web.browser_bench import (
+    board_state,
+    drive_by_key,
+    faults_of_access,
+    go,
+    live,
+    open_page,
+    speed,
+    wait,
+)
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
-
-
-class Bench:
-    """A board, a cable to pull, and the view on it."""
-
-    def __init__(self, folder: Path) -> None:
-        self.board = ServedBoard(folder)
-        self.link = CutLink(self.board.tcp)
-        self.view = ViewProcess(folder / "out", port=self.link.port)
-
-    def close(self) -> None:
-        self.view.close()
-        self.link.close()
-        self.board.kill()
-
-
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory, image: Path, native_library: Path) -> Iterator[Bench]:
-    made = Bench(tmp_path_factory.mktemp("view"))
-    yield made
-    made.close()
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        found = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
-        yield found
-        found.close()
-
-
-class Problems(list[str]):
-    """What a page complained of, and every address beyond the view that it asked for."""
-
-
-@pytest.fixture
-def problems() -> Problems:
-    return Problems()
-
-
-@pytest.fixture
-def page(browser: Browser, bench: Bench, problems: Problems) -> Iterator[Page]:
-    made = open_page(browser, bench, problems)
-    yield made
-    made.close()
-    assert not problems
-
-
-def open_page(
-    browser: Browser, bench: Bench, problems: Problems, path: str = "", width: int = 1280, height: int = 720
-) -> Page:
-    page = browser.new_page(viewport={"width": width, "height": height})
-    page.on("pageerror", lambda error: problems.append(str(error)))
-
-    def asked(request: object) -> None:
-        url = str(getattr(request, "url", ""))
-        if not url.startswith((bench.view.address, "data:", "blob:")):
-            problems.append(f"asked for {url}")
-
-    page.on("request", asked)
-    page.goto(bench.view.address + path)
-    wait(lambda: live(page, "state.link?.state") == "connected", "a connected board")
-    wait(lambda: live(page, "samples.length") > 0, "samples")
-    return page
-
-
-def live(page: Page, what: str) -> object:
-    return page.evaluate(f"window.truing?.live?.{what} ?? null")
-
-
-def wait(condition: Callable[[], object], what: str, seconds: float = 15.0) -> None:
-    until = time.monotonic() + seconds
-    while time.monotonic() < until:
-        if condition():
-            return
-        time.sleep(0.05)
-    pytest.fail(f"no {what} within {seconds:g} s")
-
-
-def speed(page: Page) -> float:
-    last = live(page, "samples.at(-1)")
-    assert isinstance(last, list)
-    return max(abs(last[1]), abs(last[2]))
-
-
-def board_state(page: Page) -> object:
-    return live(page, "state.board?.state")
-
-
-def go(page: Page, key: str, title: str) -> None:
-    page.keyboard.press(key)
-    page.wait_for_function("title => document.title.startsWith(title)", arg=title)
-
-
-def drive_by_key(page: Page) -> None:
-    page.keyboard.down("ArrowUp")
-    wait(lambda: speed(page) > 0.25, "movement")
 
 
 def test_arrow_keys_drive_and_letting_go_stops(page):
@@ -321,14 +228,13 @@ def test_the_picture_keeps_thirty_frames_a_second(page):
     assert rate >= 25
 
 
-@pytest.mark.parametrize("path", ["", "world", "trajectory"])
+@pytest.mark.parametrize("path", ["", "world", "trajectory", "compare", "models"])
 @pytest.mark.parametrize("width", [1280, 390])
 def test_no_page_has_a_serious_fault_of_access_or_scrolls_sideways(browser, bench, problems, path, width):
     page = open_page(browser, bench, problems, path, width, 720 if width > 500 else 844)
     try:
         wait(lambda: page.locator("main canvas").count() > 0, "a picture")
-        found = [v for v in Axe().run(page).response["violations"] if v["impact"] in ("serious", "critical")]
-        assert not [(v["id"], [n["html"][:120] for n in v["nodes"]]) for v in found]
+        assert not faults_of_access(page)
         assert page.evaluate("document.documentElement.scrollWidth") <= width
     finally:
         page.close()

@@ -6,55 +6,24 @@ import numpy as np
 import pytest
 
 from truing.baseline import read_baseline
-from truing.paper_mom import PAPER_MODEL
 from truing.recording import Run
 from truing.web.comparison import compare
+from truing.web.error_model import ModelChoice
 from truing.web.pose import Pose
 from truing.web.sequence_file import plan_of
 from truing.web.trajectory import Cycle
-
-BASELINE = """
-[robot]
-wheel_radius_m = 0.0635
-wheelbase_m = 0.283
-counts_per_rev = 2400
-[wheel.left]
-gain_mps = 1.45
-time_constant_s = 0.35
-[wheel.right]
-gain_mps = 1.45
-time_constant_s = 0.35
-"""
-
-
-TAU_S = 0.35
-
-
-def straight_run(speed: float = 0.5) -> Run:
-    """A second at rest, then five with the effort of that speed, on the baseline's own wheels."""
-    t = np.arange(0.0, 6.001, 0.05)
-    since = np.maximum(t - 1.0, 0.0)
-    x = speed * (since - TAU_S * (1.0 - np.exp(-since / TAU_S)))
-    v = np.concatenate(([0.0], np.diff(x) / np.diff(t)))
-    effort = np.where(t > 1.001, speed / 1.45, 0.0)
-    columns = {
-        "t_s": t,
-        "effort_left": effort,
-        "effort_right": effort,
-        "vel_left_mps": v,
-        "vel_right_mps": v,
-        "x_m": x,
-        "y_m": np.zeros_like(t),
-        "theta_rad": np.zeros_like(t),
-    }
-    return Run("01_straight", columns)
+from web.made_runs import BASELINE, TAU_S, straight_run
 
 
 def test_stopping_points_of_a_straight_line(tmp_path):
     (tmp_path / "baseline.toml").write_text(BASELINE)
     plan = plan_of("straight", [Cycle(0.0, 0.0)] * 10 + [Cycle(0.5, 0.0)] * 50)
     found = compare(
-        straight_run(), read_baseline(tmp_path / "baseline.toml"), plan, PAPER_MODEL, Pose(0.5, 0.5, 0.0)
+        straight_run(),
+        read_baseline(tmp_path / "baseline.toml"),
+        plan,
+        ModelChoice("paper"),
+        Pose(0.5, 0.5, 0.0),
     )
     x, y, theta, off, _ = found.stopping_points()
     assert x[0] == "x (m)"

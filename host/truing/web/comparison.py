@@ -2,7 +2,8 @@
 
 The four columns of the MOM paper's Tables 2 to 4. Desired is what the control inputs say, followed exactly.
 Simulated is the baseline driven by the efforts that the real robot applied, never by its measured speeds.
-Simulated (model) adds the error model that is in force. Real is the pose seen from outside where the run has
+Simulated (model) adds the error model that is in force: the paper's bends the commanded motion, what a
+diagnosis found acts on the wheels under the efforts. Real is the pose seen from outside where the run has
 one, and the robot's own odometry where it has not.
 """
 
@@ -21,6 +22,8 @@ from truing.model.wheel import WheelPhysics
 from truing.paper_mom import NO_ERROR, ErrorModel
 from truing.plan import Plan
 from truing.recording import WHEELS, FloatArray, Run, Wheel
+from truing.web.effect_rollout import effect_rollout
+from truing.web.error_model import ModelChoice
 from truing.web.error_replay import replay_path, steps_of
 from truing.web.pose import Pose, wrapped
 from truing.web.sequence_file import cycles_of_plan
@@ -93,18 +96,21 @@ class Comparison:
             ],
         ]
 
-    def residual(self, wheel: Wheel) -> FloatArray | None:
-        """Real less simulated speed, shape (n,), m/s."""
+    def residual(self, wheel: Wheel, curve: Curve | None = None) -> FloatArray | None:
+        """Real less simulated speed (or another curve's), at the times of the real one, shape (n,), m/s."""
+        other = self.simulated if curve is None else curve
         real = self.real.speed(wheel)
-        simulated = None if self.simulated is None else self.simulated.speed(wheel)
-        return None if real is None or simulated is None else real - simulated
+        speed = None if other is None else other.speed(wheel)
+        if real is None or speed is None or other is None:
+            return None
+        return real - np.interp(self.real.t_s, other.t_s, speed)
 
 
 def compare(
     run: Run,
     baseline: Baseline | None,
     plan: Plan | None,
-    model: ErrorModel = NO_ERROR,
+    model: ModelChoice | None = None,
     start: Pose | None = None,
     wheelbase_m: float | None = None,
 ) -> Comparison:
@@ -133,10 +139,14 @@ def compare(
     if simulated is None:
         notes.append("no baseline with a wheelbase lies beside this run: nothing to simulate with")
     modelled = None
-    if cycles is not None:
-        modelled = _replayed("Simulated (model)", model, start, cycles)
-    elif simulated is not None and width:
-        modelled = _bent(simulated, model, start, width)
+    if model is not None and model.kind == "paper":
+        if cycles is not None:
+            modelled = _replayed(COLUMNS[2], model.paper, start, cycles)
+        elif simulated is not None and width:
+            modelled = _bent(simulated, model.paper, start, width)
+    elif model is not None and model.kind == "found" and baseline is not None and width:
+        t, speeds, path = effect_rollout(run, model.applied(baseline), start)
+        modelled = Curve(COLUMNS[2], t, path, speeds[:, 0], speeds[:, 1])
     return Comparison(run, desired, simulated, modelled, real, tuple(notes))
 
 

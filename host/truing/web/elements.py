@@ -9,6 +9,8 @@ from typing import Any
 from nicegui import events, ui
 from nicegui.element import Element
 
+from truing.web.error_model import Knob
+from truing.web.figures import panels
 from truing.web.pose import Pose
 
 
@@ -76,6 +78,84 @@ class LiveKeys(Element, component="static/live_keys.js"):
 
 class ModelKeys(Element, component="static/model_keys.js"):
     """Nothing to see: the driving keys move the model robot; emits `cycle`, `speed` and `stop`."""
+
+
+class DropZone(Element, component="static/drop_zone.js"):
+    """A place to drop files onto, or to choose them; emits `dropped` with what became of each."""
+
+    def __init__(self, text: str, accept: str, address: str) -> None:
+        super().__init__()
+        for name, value in {"text": text, "accept": accept, "address": address}.items():
+            self._props[name] = value
+
+
+class KnobSlider(Element, component="static/knob.js"):
+    """A number on a slider with its interval; emits `turn` with the new value."""
+
+    def __init__(self, knob: Knob, value: float) -> None:
+        super().__init__()
+        for name, content in {
+            "title": knob.title,
+            "unit": knob.unit,
+            "value": value,
+            "low": min(knob.low, value),
+            "high": max(knob.high, value),
+            "interval": knob.interval,
+        }.items():
+            self._props[name] = content
+
+
+class Chart(ui.plotly):
+    """A figure that keeps its place while it has nothing to show."""
+
+    def __init__(self, label: str, *, height_px: int | None = None) -> None:
+        super().__init__(panels([]))
+        self.classes("chart")
+        self._props["role"] = "group"
+        self._props["aria-label"] = label
+        if height_px is not None:
+            self.style(f"height: {height_px}px")
+
+    def png(self, name: str) -> None:
+        """Let the browser save a picture of what is shown."""
+        shape = {"format": "png", "filename": name, "width": 1600, "height": 900, "scale": 1}
+        self.run_plot_method("downloadImage", shape)
+
+
+class Pick:
+    """A list to choose one of, as the browser has it.
+
+    Parameters
+    ----------
+    options : value and text of each.
+    """
+
+    def __init__(
+        self, label: str, options: dict[str, str], value: str, on_change: Callable[[str], Any]
+    ) -> None:
+        self.value = value
+        self._on_change = on_change
+        with tag("label", classes="pick"):
+            tag("span", label)
+            self._select = tag("select", aria_label=label)
+        self._select.on("change", self._changed, js_handler="(e) => emit(e.target.value)")
+        self.fill(options, value)
+
+    def fill(self, options: dict[str, str], value: str) -> None:
+        """Other options."""
+        self._options = options
+        self.value = value if value in options else next(iter(options), "")
+        self._select.clear()
+        with self._select:
+            for name, text in options.items():
+                entry = tag("option", text, value=name)
+                if name == self.value:
+                    entry._props["selected"] = True
+
+    def _changed(self, event: events.GenericEventArguments) -> None:
+        if isinstance(event.args, str) and event.args in self._options:
+            self.value = event.args
+            self._on_change(event.args)
 
 
 def heading(text: str) -> None:

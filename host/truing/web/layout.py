@@ -15,6 +15,8 @@ PAGES = {
     "/": "Live",
     "/world": "World",
     "/trajectory": "Trajectory",
+    "/compare": "Compare",
+    "/models": "Error models",
 }
 
 _HELP = (
@@ -22,7 +24,7 @@ _HELP = (
     ("+ and −", "faster, slower"),
     ("space", "stop, always, for everybody"),
     ("C", "take or leave the wheel"),
-    ("1 to 3", "pages"),
+    (f"1 to {len(PAGES)}", "pages"),
     ("I J K L, comma, full stop, F, 0", "in a picture of the floor: move, zoom, fit, 100 px/m"),
     ("Enter", "in a picture of the floor: use the tool at its middle"),
 )

@@ -69,6 +69,11 @@ def plan_of_run(run: Run) -> Plan | None:
         return None
 
 
+def safe_name(name: str) -> str:
+    """A file's name with nothing in it that means a place."""
+    return "".join(c if c.isalnum() or c in "._-" else "_" for c in Path(name).name).lstrip(".")
+
+
 def save_dropped(folder: Path, name: str, data: bytes) -> Path:
     """Keep a run that was dropped onto the page, once it has been seen to be one.
 
@@ -76,7 +81,7 @@ def save_dropped(folder: Path, name: str, data: bytes) -> Path:
     ------
     TruingError : it is no run of the contract; the message names the place.
     """
-    safe = "".join(c if c.isalnum() or c in "._-" else "_" for c in Path(name).name).lstrip(".") or "run.csv"
+    safe = safe_name(name) or "run.csv"
     path = folder / "runs" / (safe if safe.endswith((".csv", ".json")) else f"{safe}.csv")
     path.parent.mkdir(parents=True, exist_ok=True)
     before = path.read_bytes() if path.exists() else None

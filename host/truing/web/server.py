@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from nicegui import app, core, ui
 
 from truing.errors import PortError
+from truing.web.dropped_files import add_dropping
 from truing.web.layout import STATIC, frame
 from truing.web.live_link import add_live_link
-from truing.web.pages import live, trajectory, world
+from truing.web.pages import compare, live, models, trajectory, world
 from truing.web.security import Access, Gate, access_for
 from truing.web.session import ViewSession
 
@@ -44,6 +45,7 @@ def serve(session: ViewSession, options: ServerOptions, announce: Callable[[str,
     core.sio.eio.cors_allowed_origins = None
     app.add_static_files("/view-static", STATIC, max_cache_age=0)
     add_live_link(app, session)
+    add_dropping(app, session.dropped_folder, session.diagnosis_folder)
     app.on_startup(session.start)
     app.on_shutdown(session.close)
     app.add_middleware(Gate, access=access)
@@ -62,7 +64,8 @@ def serve(session: ViewSession, options: ServerOptions, announce: Callable[[str,
         show=f"/{query}" if options.browser else False,
         tailwind=False,
         show_welcome_message=False,
-        reconnect_timeout=5.0,
+        # Long, so that a busy machine reloads no page; the wheels hang on the live link, which is quick.
+        reconnect_timeout=30.0,
         message_history_length=200,
         uvicorn_logging_level="error",
         ws_max_size=1_000_000,
@@ -74,6 +77,8 @@ def _routes(session: ViewSession) -> dict[str, Callable[[], None]]:
         "/": lambda: live.build(session),
         "/world": lambda: world.build(session),
         "/trajectory": lambda: trajectory.build(session),
+        "/compare": lambda: compare.build(session),
+        "/models": lambda: models.build(session),
     }
 
 

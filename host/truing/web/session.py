@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from truing.device import Device
 from truing.errors import TruingError
 from truing.link.client import Client, Timing
 from truing.link.connect import VirtualOptions, open_stream
-from truing.paper_mom import NO_ERROR, ErrorModel
 from truing.web.board_worker import BoardWorker, RunOrder
 from truing.web.driver_lock import DriverLock
+from truing.web.error_model import Kind, ModelChoice, load_model
 from truing.web.pose import Pose
 from truing.web.sensing import Sensing
+from truing.web.side_process import SideProcess
 from truing.web.virtual_process import VirtualProcess
 from truing.web.world_map import WorldMap
 from truing.workspace import out_folder, recording_folder
@@ -49,7 +50,9 @@ class ViewSession:
         self._stopped = False
         self.start_pose = _START
         self.truth_base: Pose | None = None
-        self.error_model: ErrorModel = NO_ERROR
+        self.model = load_model(self.model_file) or ModelChoice()
+        self.comparison_start = _START
+        self.simulation = SideProcess("truing.web.simulate_process")
 
     def start(self) -> None:
         """Begin to connect and to scan."""
@@ -60,6 +63,7 @@ class ViewSession:
         """Stop the wheels, then everything else."""
         self.worker.close()
         self.sensing.close()
+        self.simulation.close()
         if self.virtual is not None:
             self.virtual.close()
 
@@ -139,6 +143,12 @@ class ViewSession:
     def _left_the_wheel(self, _session: str) -> None:
         self.worker.stop()
 
+    # ---- models
+
+    def set_model(self, *, kind: Kind) -> None:
+        """Which error model is in force; its numbers stay."""
+        self.model = replace(self.model, kind=kind)
+
     # ---- files
 
     @property
@@ -164,6 +174,21 @@ class ViewSession:
     def model_folder(self) -> Path:
         """Where models go."""
         return out_folder() / "models"
+
+    @property
+    def model_file(self) -> Path:
+        """The robot's own model."""
+        return self.model_folder / "robot.toml"
+
+    @property
+    def diagnosis_folder(self) -> Path:
+        """Where diagnoses go."""
+        return out_folder() / "diagnoses"
+
+    @property
+    def dropped_folder(self) -> Path:
+        """Where files that were dropped onto a page go."""
+        return out_folder() / "dropped"
 
     def _connect(self) -> Device:
         stream = open_stream(self.port, self.options.virtual)

@@ -7,7 +7,6 @@ import math
 from nicegui import context, events, ui
 
 from truing.errors import TruingError
-from truing.paper_mom import PAPER_MODEL
 from truing.plan import Plan
 from truing.web.board_worker import RunOrder
 from truing.web.elements import Choice, ModelKeys, PlainTable, TopView, button, heading, number, say, tag
@@ -244,7 +243,7 @@ class _TrajectoryPage:
             say("there is nothing to replay", good=False)
             return
         path = drawn(self.start, cycles)
-        erring = replay_cycles(PAPER_MODEL, self.start, cycles)
+        erring = replay_cycles(self.session.model.paper, self.start, cycles)
         self.top.set(
             paths=[
                 {

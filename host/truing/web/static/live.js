@@ -6,7 +6,6 @@ const KEYS = {
   ArrowUp: "forward", KeyW: "forward", ArrowDown: "back", KeyS: "back",
   ArrowLeft: "left", KeyA: "left", ArrowRight: "right", KeyD: "right",
 };
-const PAGES = ["/", "/world", "/trajectory"];
 
 class Live {
   constructor() {
@@ -182,7 +181,7 @@ class Live {
   _key(event, down) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const typing = event.target.closest?.("input:not([type=range]), textarea, select, [contenteditable=true]");
-    const own = event.target.closest?.("[role=slider], [role=listbox], [role=option], [role=combobox], [role=menu], [role=tab], [role=radio]");
+    const own = event.target.closest?.("input[type=range], [role=slider], [role=listbox], [role=option], [role=combobox], [role=menu], [role=tab], [role=radio]");
     if (event.code === "Space") {
       const moving = ["live", "sequence"].includes(this.state.board?.state);
       if (typing && !moving) return;
@@ -205,7 +204,7 @@ class Live {
     if (event.key === "+" || event.key === "=") this._keyUser()?.faster(true);
     else if (event.key === "-") this._keyUser()?.faster(false);
     else if (event.key === "c" && !event.repeat) this.toggleWheel();
-    else if (/^[1-3]$/.test(event.key)) document.querySelector(`[data-page='${PAGES[event.key - 1]}']`)?.click();
+    else if (/^[1-9]$/.test(event.key)) document.querySelectorAll("[data-page]")[event.key - 1]?.click();
     else if (event.key === "?") document.querySelector("[data-help]")?.click();
   }
 

@@ -1,0 +1,136 @@
+"""Pictures of time series for the view's pages: dark plotly figures, plain dictionaries ready for JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from truing.recording import FloatArray
+
+Figure: TypeAlias = dict[str, Any]
+
+GROUND, TEXT, DIM, LINE = "#0e1116", "#dbe3ec", "#94a1b2", "#2a333f"
+COLOURS = ("#ffb454", "#5ccfe6", "#7ee787", "#d2a8ff", "#ff7b7b", "#e6edf5", "#ffcb6b", "#79a8ff")
+# More points than a screen has columns only make the page heavy.
+MOST_POINTS = 2000
+_GAP = 0.06
+_AXIS = {
+    "gridcolor": "#1d242e",
+    "zerolinecolor": "#3a4656",
+    "linecolor": LINE,
+    "tickfont": {"size": 11, "color": DIM},
+    "automargin": False,
+}
+CONFIG = {
+    "displaylogo": False,
+    "displayModeBar": False,
+    "responsive": True,
+    "doubleClick": "reset",
+    "scrollZoom": False,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One curve.
+
+    Attributes
+    ----------
+    t, values : shape (n,); what is not finite is left open.
+    dash : plotly's name: `solid`, `dash`, `dot`.
+    """
+
+    name: str
+    t: FloatArray
+    values: FloatArray
+    colour: str
+    dash: str = "solid"
+    width: float = 1.5
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """Curves of one unit over the time axis that all panels share."""
+
+    unit: str
+    lines: Sequence[Line]
+
+
+def panels(parts: Sequence[Panel], *, linked: bool = True, select: bool = False, keep: str = "") -> Figure:
+    """Panels one above the other.
+
+    Parameters
+    ----------
+    linked : zooming one in time zooms them all.
+    select : dragging selects a span of time; otherwise it zooms.
+    keep : as long as this stays the same, a new figure keeps the zoom of the old one.
+    """
+    count = max(1, len(parts))
+    height = (1.0 - _GAP * (count - 1)) / count
+    layout: Figure = {
+        "font": {"family": 'system-ui, "DejaVu Sans", sans-serif', "size": 12, "color": TEXT},
+        "paper_bgcolor": GROUND,
+        "plot_bgcolor": GROUND,
+        "margin": {"l": 58, "r": 12, "t": 8, "b": 34},
+        "showlegend": True,
+        "legend": {
+            "orientation": "h", "x": 0, "y": 1.0, "yanchor": "top", "bgcolor": "rgba(14,17,22,0.7)",
+            "font": {"size": 11},
+        },
+        "hovermode": "x unified",
+        "hoverlabel": {"bgcolor": "#1b222c", "font": {"size": 11}},
+        "dragmode": "select" if select else "zoom",
+        "selectdirection": "h",
+        "uirevision": keep or None,
+        "autosize": True,
+    }  # fmt: skip
+    data: list[Figure] = []
+    for row, panel in enumerate(parts):
+        suffix = "" if row == 0 else str(row + 1)
+        top = 1.0 - row * (height + _GAP)
+        last = row == count - 1
+        x_axis = _AXIS | {"anchor": f"y{suffix}", "showticklabels": last or not linked}
+        if linked and row:
+            x_axis["matches"] = "x"
+        if last:
+            x_axis["title"] = {"text": "time, s", "font": {"size": 11, "color": DIM}, "standoff": 4}
+        layout[f"xaxis{suffix}"] = x_axis
+        layout[f"yaxis{suffix}"] = _AXIS | {
+            "domain": [max(0.0, top - height), top],
+            "anchor": f"x{suffix}",
+            "title": {"text": panel.unit, "font": {"size": 11, "color": DIM}, "standoff": 4},
+            "fixedrange": False,
+        }
+        for line in panel.lines:
+            t, values = drawn_points(line.t, line.values)
+            data.append(
+                {
+                    "type": "scatter",
+                    "mode": "lines",
+                    "name": line.name,
+                    "x": t,
+                    "y": values,
+                    "line": {"color": line.colour, "dash": line.dash, "width": line.width},
+                    "xaxis": f"x{suffix}",
+                    "yaxis": f"y{suffix}",
+                    "hovertemplate": "%{y:.4g}",
+                }
+            )
+    return {"data": data, "layout": layout, "config": CONFIG}
+
+
+def drawn_points(t: FloatArray, values: FloatArray) -> tuple[list[float], list[float | None]]:
+    """A curve's points for a page: of too many, the least and the greatest of each stretch."""
+    if len(t) > MOST_POINTS:
+        stretch = -(-2 * len(t) // MOST_POINTS)
+        count = len(t) // stretch
+        block = np.where(np.isfinite(values), values, 0.0)[: count * stretch].reshape(count, stretch)
+        base = np.arange(count) * stretch
+        rows = np.concatenate((base + block.argmin(axis=1), base + block.argmax(axis=1), [len(t) - 1]))
+        rows = np.unique(rows)
+        t, values = t[rows], values[rows]
+    times: list[float] = np.round(t, 4).tolist()
+    return times, [float(f"{v:.6g}") if np.isfinite(v) else None for v in values.tolist()]

@@ -1,0 +1,95 @@
+"""Compare: desired, simulated, simulated with the error model, and real, in one picture and one table."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from nicegui import events
+
+from truing.web.dropped_files import ADDRESS
+from truing.web.elements import Choice, DropZone, button, heading, number, say, tag
+from truing.web.error_model import KINDS, Kind
+from truing.web.pages.run_stage import RunStage
+from truing.web.pose import Pose
+from truing.web.session import ViewSession
+
+
+def build(session: ViewSession) -> None:
+    """The page."""
+    _ComparePage(session).build()
+
+
+class _ComparePage:
+    """One comparison."""
+
+    def __init__(self, session: ViewSession) -> None:
+        self.session = session
+        self.stage = RunStage(session, lambda: session.model)
+
+    def build(self) -> None:
+        """Make the elements."""
+        with tag("div", classes="view broad"):
+            self.stage.picture("Paths and speeds")
+            with tag("section", classes="side", aria_label="Run and stopping points"):
+                with tag("div"):
+                    heading("Run")
+                    self.stage.choice()
+                    self.stage.beside()
+                    zone = DropZone(
+                        "Drop runs here (CSV, JSON, baseline.toml), or choose files",
+                        ".csv,.json,.toml",
+                        ADDRESS,
+                    )
+                    zone.on("dropped", self.dropped)
+                with tag("div"):
+                    heading("Error model")
+                    kinds = {str(kind): text for kind, text in KINDS.items()}
+                    Choice("Error model", kinds, self.session.model.kind, self.choose_model)
+                    self.source = tag("p", self.session.model.source, "dim told", style="margin:4px 0 0")
+                with tag("div"):
+                    self.stage.table()
+                self._start()
+
+    def _start(self) -> None:
+        start = self.session.comparison_start
+        with tag("div"):
+            heading("Start")
+            with tag("div", classes="row-tight"):
+                number("x, m", start.x_m, lambda v: self.set_start(x=v), low=-50, high=50, step=0.1)
+                number("y, m", start.y_m, lambda v: self.set_start(y=v), low=-50, high=50, step=0.1)
+                degrees = round(math.degrees(start.theta_rad), 3)
+                number("heading, °", degrees, lambda v: self.set_start(theta=v), low=-360, high=360, step=5)
+                button("Look again", self.stage.find, label="Look for new runs on disk")
+
+    def set_start(
+        self, *, x: float | None = None, y: float | None = None, theta: float | None = None
+    ) -> None:
+        """Where all of them begin."""
+        start = self.session.comparison_start
+        self.session.comparison_start = Pose(
+            start.x_m if x is None else x,
+            start.y_m if y is None else y,
+            start.theta_rad if theta is None else math.radians(theta),
+        )
+        self.stage.draw()
+
+    def choose_model(self, kind: str) -> None:
+        """None, the paper's, or what was found."""
+        if kind == "found" and not self.session.model.effects and not self.session.model.numbers:
+            say("nothing was found yet: choose a diagnosis under Error models", good=False)
+        known: dict[str, Kind] = {str(kind): kind for kind in KINDS}
+        self.session.set_model(kind=known[kind])
+        self.stage.draw()
+
+    def dropped(self, event: events.GenericEventArguments) -> None:
+        """Files came: say what became of them, and show the last run among them."""
+        last = None
+        for one in event.args if isinstance(event.args, list) else []:
+            if "error" in one:
+                say(str(one["error"]), good=False)
+            elif one.get("kind") == "run":
+                last = Path(str(one["path"]))
+            elif one.get("kind") == "diagnosis":
+                say("a diagnosis: it is under Error models now")
+        self.stage.find(last)

@@ -1,0 +1,60 @@
+"""A process beside the view that simulates runs: a request a line on standard input, an answer a line back.
+
+Fitting and compiling would hold the view's own process, and with it the robot's brakes.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+import orjson
+
+from truing.errors import TruingError
+
+
+def answer(request: dict[str, Any]) -> dict[str, Any]:
+    """A comparison as pictures and tables.
+
+    Parameters
+    ----------
+    request : `run` and `more` (paths), `model` (`ModelChoice.to_json`), `start` (x, y, theta).
+    """
+    from truing.recording_reader import read_run
+    from truing.web.comparison import Comparison, compare
+    from truing.web.comparison_view import shown
+    from truing.web.error_model import ModelChoice
+    from truing.web.pose import Pose
+    from truing.web.run_library import baseline_of, plan_of_run
+
+    start = Pose(*request["start"])
+    found: list[Comparison] = []
+    for name in (request["run"], *request["more"]):
+        path = Path(name)
+        run = read_run(path)
+        model = ModelChoice.of_json(request["model"]) if not found else None
+        found.append(compare(run, baseline_of(path), plan_of_run(run), model, start))
+    return shown(found[0], found[1:])
+
+
+def main() -> int:
+    """Answer until the view is gone."""
+    # What a library prints must not get between the answers.
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    for line in sys.stdin.buffer:
+        try:
+            content = answer(orjson.loads(line))
+        except TruingError as error:
+            content = {"error": error.message, "next": error.next_step}
+        except Exception as error:
+            content = {"error": f"{type(error).__name__}: {error}", "next": ""}
+        answers.write(orjson.dumps(content) + b"\n")
+        answers.flush()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
