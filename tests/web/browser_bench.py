@@ -36,7 +36,7 @@ def open_page(
     browser: Browser, bench: Bench, problems: Problems, path: str = "", width: int = 1280, height: int = 720
 ) -> Page:
     page = browser.new_page(viewport={"width": width, "height": height})
-    page.set_default_timeout(15_000)
+    page.set_default_timeout(30_000)
     page.on("pageerror", lambda error: problems.append(str(error)))
 
     def asked(request: object) -> None:
@@ -55,7 +55,7 @@ def live(page: Page, what: str) -> object:
     return page.evaluate(f"window.truing?.live?.{what} ?? null")
 
 
-def wait(condition: Callable[[], object], what: str, seconds: float = 15.0) -> None:
+def wait(condition: Callable[[], object], what: str, seconds: float = 30.0) -> None:
     until = time.monotonic() + seconds
     while time.monotonic() < until:
         if condition():

@@ -11,14 +11,14 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from web.browser_bench import Bench, Problems, open_page
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory, image: Path, native_library: Path) -> Iterator[Bench]:
     made = Bench(tmp_path_factory.mktemp("view"))
     yield made
     made.close()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
     with sync_playwright() as playwright:
         found = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
