@@ -2,34 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from truing.diagnose.result import Diagnosis, FitErrors, NamedEffect, NextExperiment
 from truing.plan import load_plan
 from truing.recording_reader import read_recording_set
-from truing.trial.campaign import task
-from truing.trial.concealed import run_concealed
+from truing.trial.concealed import Asked, run_concealed
 from truing.trial.effects import CATALOGUE, OUTSIDE
-from truing.trial.score import bounds, score
+from truing.trial.figures import bounds
+from truing.trial.order import tasks
+from truing.trial.score import judge, judge_method
 from truing.trial.seal import BrokenSealError, open_seal, seal
 from truing.trial.spec import draw_trial, with_strengths
 
 CATALOGUE_SIZE = 27
 
 
-def says(kind: str, *names: str) -> dict[str, Any]:
-    return {"verdict": kind, "effects": [{"name": name} for name in names]}
-
-
-def hid(family: str, *names: str) -> dict[str, Any]:
-    effects = [{"name": name, "strength": 2.0} for name in names]
-    return {"family": family, "effects": effects, "driving": "whole"}
-
-
-def scored(verdict: dict[str, Any], answer: dict[str, Any]) -> Any:
-    return score("random", 1, verdict, answer, seconds=1.0, sha256="", on_board=False)
+def diagnosed(kind: Any, *names: str) -> Diagnosis:
+    effects = tuple(NamedEffect(name, "both", {}, 1.0, 1.0, 1.0) for name in names)
+    return Diagnosis("set", kind, (), FitErrors(1.0, 1.0, 1.0, 1.0), effects)
 
 
 def test_a_seal_opens_with_its_own_answer_only() -> None:
@@ -55,46 +50,91 @@ def test_the_seal_is_shown_before_the_recordings_and_opened_after_the_verdict(
 ) -> None:
     heard: list[str] = []
 
-    def look(folder: Path, baseline: Path) -> dict[str, Any]:
+    def look(folder: Path, baseline: Path) -> Diagnosis:
         heard.append("diagnosed")
         runs = read_recording_set(folder, baseline)
         assert len(runs) == 2
         files = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
         assert files == {"baseline.toml", *(f"runs/{run.name}.csv" for run in runs)}
-        return says("missing_physics", "input_delay")
+        assert not (tmp_path / "judged").exists()
+        return diagnosed("missing_physics", "input_delay")
 
-    result = run_concealed(
-        "input_delay", 3, tmp_path, plans=("diagnosis/02", "diagnosis/03"), core=True,
-        tell=heard.append, diagnose=look,
-    )  # fmt: skip
+    asked = Asked(
+        "input_delay", 3, plans=("diagnosis/02", "diagnosis/03"), core=True, judged=tmp_path / "judged"
+    )
+    result = run_concealed(asked, tmp_path / "set", tell=heard.append, diagnose=look)
     assert heard == [result.sha256, "diagnosed"]
     assert [each["name"] for each in result.answer["effects"]] == ["input_delay"]
-    assert scored(result.verdict, result.answer).right
+    assert len(list((tmp_path / "judged" / "runs").glob("*.csv"))) == 4
 
 
-def test_scores_are_what_the_bars_ask_for() -> None:
-    assert scored(says("ambiguous", "a", "b", "c"), hid("one", "a")).named
-    assert not scored(says("ambiguous", "a", "b", "c", "d"), hid("one", "a")).named
-    assert scored(says("missing_physics", "b"), hid("one", "a")).confidently_wrong
-    assert scored(says("missing_physics", "a"), hid("one", "a")).named_alone
-    assert scored(says("missing_physics", "a", "b", "c"), hid("two", "a", "b")).named
-    assert not scored(says("missing_physics", "a"), hid("two", "a", "b")).named
-    assert scored(says("parameters_only"), hid("null")).right
-    assert scored(says("missing_physics", "a"), hid("null")).confidently_wrong
-    assert scored(says("unexplained"), hid("outside", "x")).right
+@pytest.mark.slow
+def test_a_doubt_gets_the_runs_that_it_proposes_from_the_same_robot(
+    tmp_path: Path, native_library: Path
+) -> None:
+    plan = load_plan("diagnosis/04")
+    seen: list[int] = []
+
+    def look(folder: Path, baseline: Path) -> Diagnosis:
+        seen.append(len(read_recording_set(folder, baseline)))
+        doubt = NextExperiment(plan, (("input_delay",), ("driver_lag",)), 5.0, "")
+        return replace(diagnosed("ambiguous", "input_delay", "driver_lag"), next_experiment=doubt)
+
+    asked = Asked("input_delay", 3, plans=("diagnosis/02",), core=True, more_runs=2)
+    result = run_concealed(asked, tmp_path, diagnose=look)
+    assert seen == [1, 2, 3]
+    assert len(result.more) == 2
+
+
+def test_verdicts_are_worth_what_the_bars_ask_for() -> None:
+    assert judge("ambiguous", ("a", "b", "c"), "one", ("a",)).named
+    assert not judge("ambiguous", ("a", "b", "c", "d"), "one", ("a",)).named
+    assert judge("missing_physics", ("b",), "one", ("a",)).confidently_wrong
+    assert not judge("ambiguous", ("b",), "one", ("a",)).confidently_wrong
+    assert judge("missing_physics", ("a",), "one", ("a",)).named_alone
+    assert judge("missing_physics", ("a", "b", "c"), "two", ("a", "b")).named
+    assert not judge("missing_physics", ("a", "b", "c", "d"), "two", ("a", "b")).named
+    assert not judge("missing_physics", ("a",), "two", ("a", "b")).named
+    assert judge("parameters_only", (), "null", ()).right
+    assert judge("missing_physics", ("a",), "null", ()).confidently_wrong
+    assert judge("unexplained", (), "outside", ("x",)).right
+    assert judge("missing_physics", ("a",), "outside", ("x",)).confidently_wrong
+    assert judge_method(["a"], "one", ("a",)) == (True, False)
+    assert judge_method(["a", "b"], "one", ("a",)) == (False, True)
+    assert judge_method([], "null", ()) == (True, False)
 
 
 def test_bounds_hold_their_share_and_narrow_with_trials() -> None:
     low, high = bounds(0, 10)
     assert low == 0.0
-    assert high == pytest.approx(0.2775, abs=1e-3)
+    assert high == pytest.approx(0.3085, abs=1e-3)
     assert bounds(90, 100)[0] > bounds(9, 10)[0]
 
 
-def test_a_campaign_hides_each_single_effect_equally_often() -> None:
-    singles = [task(1, number)[0] for number in range(900)]
-    counts = [singles.count(name) for name in CATALOGUE]
-    assert max(counts) - min(counts) <= 1
+def test_a_campaign_hides_each_single_effect_equally_often_at_both_strengths() -> None:
+    every = tasks(470, 1)
+    for name in CATALOGUE:
+        mine = [each.weak for each in every if each.effect == name]
+        assert (len(mine), sum(bool(weak) for weak in mine)) == (10, 5), name
+    assert [sum(each.effect == kind for each in every) for kind in ("none", "pair")] == [100, 60]
+    assert sum(each.on_board for each in every) == 47
+
+
+@pytest.mark.parametrize("trials", [20, 50, 137])
+def test_any_beginning_of_a_campaign_is_balanced(trials: int) -> None:
+    counts = {"none": 100, "pair": 60}
+    some = tasks(trials, 1)
+    for kind, of_all in counts.items():
+        assert abs(sum(each.effect == kind for each in some) - trials * of_all / 470) <= 1.0
+    weak = [each.weak for each in some if each.weak is not None]
+    assert abs(2 * sum(weak) - len(weak)) <= 1
+    assert some == tasks(470, 1)[:trials]
+
+
+def test_the_last_block_shares_no_seed_with_any_campaign() -> None:
+    last = {each.seed for each in tasks(470, 3, "last")}
+    others = {each.seed for seed in range(1, 50) for each in tasks(470, seed)}
+    assert not last & others
 
 
 def test_the_diagnosis_plans_are_thirteen_runs_of_about_fifteen_seconds() -> None:

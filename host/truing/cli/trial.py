@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal, TypeAlias
 
 import click
 
 from truing.cli.app import App, pass_app
+
+Block: TypeAlias = Literal["main", "last"]
 
 
 @click.command()
@@ -28,7 +31,31 @@ from truing.cli.app import App, pass_app
 @click.option(
     "--campaign", type=click.IntRange(1), metavar="N", help="Run N trials on all cores; can be resumed."
 )
-@click.option("--workers", type=click.IntRange(1), help="Processes of a campaign.  [default: all cores]")
+@click.option(
+    "--jobs",
+    "--workers",
+    "jobs",
+    type=click.IntRange(1),
+    help="Processes of a campaign.  [default: all cores]",
+)
+@click.option(
+    "--strength", type=click.Choice(["weak", "full"]), help="S below 1, or 1 and more.  [default: drawn]"
+)
+@click.option(
+    "--block",
+    type=click.Choice(["main", "last"]),
+    default="main",
+    show_default=True,
+    help="Seeds of a campaign; those of `last` are for one look after all tuning.",
+)
+@click.option(
+    "--minutes", type=click.FloatRange(0.0), help="A campaign begins no trial after so many minutes."
+)
+@click.option(
+    "--table",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="Write a campaign's page to this file too.",
+)
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
@@ -42,7 +69,11 @@ def command(
     plans: tuple[str, ...],
     core: bool,
     campaign: int | None,
-    workers: int | None,
+    jobs: int | None,
+    strength: str | None,
+    block: Block,
+    minutes: float | None,
+    table: Path | None,
     out: Path | None,
 ) -> None:
     """Hide an effect in a simulated robot, drive it, diagnose the recordings, then look what it was.
@@ -59,51 +90,62 @@ def command(
     from truing.workspace import out_folder
 
     if campaign is not None:
-        _campaign(app, campaign, seed, out or out_folder() / "trials" / f"campaign-{seed}", workers)
+        folder = out or out_folder() / "trials" / f"campaign-{seed}{'-last' if block == 'last' else ''}"
+        _campaign(app, campaign, seed, folder, jobs=jobs, block=block, minutes=minutes, table=table)
         return
-    from truing.trial.concealed import run_concealed
-    from truing.trial.score import score
+    from truing.trial.campaign import score
+    from truing.trial.concealed import Asked, run_concealed
 
     folder = out or out_folder() / "trials" / f"{effect.replace(',', '+')}-{seed}"
-    for old in (folder / "runs").glob("*.csv"):
+    for old in folder.glob("*/runs/*.csv"):
         old.unlink()
+    weak = None if strength is None else strength == "weak"
+    asked = Asked(effect, seed, plans=plans, weak=weak, core=core, judged=folder / "judged")
     with app.progress("driving") as progress:
         result = run_concealed(
-            effect,
-            seed,
-            folder,
-            plans=plans,
-            core=core,
+            asked,
+            folder / "set",
             tell=lambda shown: app.say(f"sealed answer, SHA-256: {shown}"),
             progress=progress,
         )
-    scored = score(
-        effect,
-        seed,
-        result.verdict,
-        result.answer,
-        seconds=result.seconds,
-        sha256=result.sha256,
-        on_board=not core,
-    )
+    verdict = result.first.diagnosis.to_json()
+    scored = score(asked, result, folder)
     app.emit(
-        {"sha256": result.sha256, "verdict": result.verdict, "answer": result.answer, "right": scored.right}
+        {
+            "sha256": result.sha256,
+            "verdict": verdict,
+            "answer": result.answer,
+            "right": scored.right,
+            "measured": scored.measured,
+        }
     )
-    app.say(f"verdict after {result.seconds:.0f} s: {scored.verdict} {', '.join(scored.said)}".rstrip())
+    app.say(f"verdict after {scored.seconds:.0f} s: {scored.verdict} {', '.join(scored.said)}".rstrip())
     hidden = ", ".join(
-        f"{name} (S = {strength:.2f})" for name, strength in zip(scored.hidden, scored.strengths, strict=True)
+        f"{name} (S = {size:.2f})" for name, size in zip(scored.hidden, scored.strengths, strict=True)
     )
     app.say(f"the seal is whole; hidden was: {hidden or 'nothing'}")
     app.say("right" if scored.right else "not right")
-    app.say(f"  recordings: {folder}")
+    app.say(f"  recordings: {folder / 'set'}; judging runs and truth: {folder / 'judged'}")
 
 
-def _campaign(app: App, trials: int, seed: int, folder: Path, workers: int | None) -> None:
+def _campaign(
+    app: App,
+    trials: int,
+    seed: int,
+    folder: Path,
+    *,
+    jobs: int | None,
+    block: Block,
+    minutes: float | None,
+    table: Path | None,
+) -> None:
     from truing.trial.campaign import run_campaign
-    from truing.trial.score import to_json, to_markdown
+    from truing.trial.results import to_json
 
     with app.progress(f"{trials} trials") as progress:
-        scores = run_campaign(trials, seed, folder, progress, app.note, workers)
+        scores = run_campaign(
+            trials, seed, folder, progress, app.note, jobs=jobs, block=block, minutes=minutes, table=table
+        )
     app.emit(to_json(scores))
-    app.say(to_markdown(scores))
+    app.say((folder / "results.md").read_text(encoding="utf-8"))
     app.say(f"written: {folder / 'results.md'}, {folder / 'results.json'}")

@@ -5,35 +5,24 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from truing.errors import TruingError
 from truing.recording_writer import replace_file
-from truing.trial.concealed import run_concealed
-from truing.trial.score import Score, score, to_json, to_markdown
+from truing.trial.concealed import Asked, TrialResult, run_concealed
+from truing.trial.order import Block, Task, tasks
+from truing.trial.results import to_json, to_markdown
+from truing.trial.score import IN_CATALOGUE, Score, judge, judge_method, place_right, resolved
 
-ON_BOARD_EVERY = 10
-# Out of twenty: twelve single effects, three with nothing hidden, three pairs, two from outside.
-_ROUND = (
-    "random", "random", "none", "random", "pair", "random", "random", "outside", "random", "random",
-    "none", "random", "pair", "random", "random", "outside", "random", "none", "pair", "random",
-)  # fmt: skip
+if TYPE_CHECKING:
+    from truing.diagnose.result import Diagnosis
 
-
-def task(seed: int, number: int) -> tuple[str, int]:
-    """Effect and seed of a campaign's trial; single effects come in turn, so that they are drawn evenly."""
-    from truing.trial.effects import CATALOGUE, OUTSIDE
-
-    kind = _ROUND[number % len(_ROUND)]
-    before = sum(_ROUND[k % len(_ROUND)] == kind for k in range(number))
-    if kind == "random":
-        kind = sorted(CATALOGUE)[before % len(CATALOGUE)]
-    elif kind == "outside":
-        kind = sorted(OUTSIDE)[before % len(OUTSIDE)]
-    return kind, seed * 1_000_000 + number
+MOST_MORE_RUNS = 2
 
 
 def run_campaign(
@@ -42,57 +31,145 @@ def run_campaign(
     folder: Path,
     progress: Callable[[float], None],
     note: Callable[[str], None],
-    workers: int | None = None,
+    *,
+    jobs: int | None = None,
+    block: Block = "main",
+    minutes: float | None = None,
+    table: Path | None = None,
 ) -> list[Score]:
-    """Run the trials that `folder` does not hold yet, and write results.json and results.md there."""
+    """Run the trials that `folder` does not hold yet, and write results.json and results.md there.
+
+    Parameters
+    ----------
+    jobs : processes; all cores where None.
+    minutes : no trial begins after so many minutes.
+    table : the page goes here too.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     store = folder / "trials.jsonl"
-    done = _read(store)
-    todo = [number for number in range(trials) if task(seed, number) not in done]
+    done = read_scores(store)
+    wanted = tasks(trials, seed, block)
+    todo = [each for each in wanted if (each.effect, each.seed) not in done]
+    began = time.monotonic()
     finished = trials - len(todo)
-    with ProcessPoolExecutor(max_workers=workers or os.cpu_count() or 1) as pool:
-        futures = {pool.submit(_one, seed, number, folder): number for number in todo}
-        for future in as_completed(futures):
-            finished += 1
-            progress(finished / trials)
-            try:
-                result = future.result()
-            except TruingError as error:
-                note(f"trial {futures[future]}: {error.message}")
-                continue
-            done[result.effect, result.seed] = result
-            with store.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(asdict(result)) + "\n")
-    wanted = {task(seed, number) for number in range(trials)}
-    scores = [each for key, each in sorted(done.items(), key=lambda item: item[0][1]) if key in wanted]
+    progress(finished / trials)
+    workers = jobs or os.cpu_count() or 1
+    with ProcessPoolExecutor(max_workers=workers) as pool:
+        running: dict[Future[Score], Task] = {}
+        while todo or running:
+            late = minutes is not None and time.monotonic() - began > 60.0 * minutes
+            while todo and not late and len(running) < workers:
+                running[pool.submit(run_one, todo[0], folder)] = todo[0]
+                todo.pop(0)
+            if not running:
+                break
+            ended, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in ended:
+                each = running.pop(future)
+                finished += 1
+                progress(finished / trials)
+                try:
+                    result = future.result()
+                except TruingError as error:
+                    note(f"trial {each.effect}/{each.seed}: {error.message}")
+                    continue
+                done[result.effect, result.seed] = result
+                with store.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(result.to_json()) + "\n")
+    scores = [done[each.effect, each.seed] for each in wanted if (each.effect, each.seed) in done]
     replace_file(folder / "results.json", (json.dumps(to_json(scores), indent=1) + "\n").encode())
-    replace_file(folder / "results.md", to_markdown(scores).encode())
+    page = to_markdown(scores, trials=trials, seed=seed, block=block).encode()
+    for path in (folder / "results.md", table):
+        if path is not None:
+            replace_file(path, page)
     return scores
 
 
-def _one(seed: int, number: int, folder: Path) -> Score:
-    effect, own = task(seed, number)
-    on_board = number % ON_BOARD_EVERY == 0
-    place = folder / "sets" / str(own)
+def run_one(each: Task, folder: Path) -> Score:
+    """Run and score one trial of a campaign."""
+    place = folder / "sets" / f"{each.effect}-{each.seed}"
     shutil.rmtree(place, ignore_errors=True)
-    result = run_concealed(effect, own, place, core=not on_board)
-    shutil.rmtree(place, ignore_errors=True)
-    return score(
-        effect, own, result.verdict, result.answer,
-        seconds=result.seconds, sha256=result.sha256, on_board=on_board,
-    )  # fmt: skip
+    asked = Asked(
+        each.effect,
+        each.seed,
+        weak=each.weak,
+        core=not each.on_board,
+        more_runs=MOST_MORE_RUNS,
+        judged=place / "judged",
+    )
+    try:
+        result = run_concealed(asked, place / "set")
+        return score(asked, result, place)
+    finally:
+        shutil.rmtree(place, ignore_errors=True)
 
 
-def _read(store: Path) -> dict[tuple[str, int], Score]:
+def score(asked: Asked, result: TrialResult, place: Path) -> Score:
+    """Hold a trial's result against its opened answer, its judging runs and the truth.
+
+    Parameters
+    ----------
+    place : holds `set`, and `judged` when there are judging runs.
+    """
+    answer = result.answer
+    hidden = tuple(str(each["name"]) for each in answer["effects"])
+    family = str(answer["family"])
+    first = result.first.diagnosis
+    worth = judge(first.verdict, names_of(first), family, hidden)
+    later = [(one.diagnosis.verdict, names_of(one.diagnosis)) for one in result.more]
+    in_doubt = first.verdict == "ambiguous" and worth.named and family in IN_CATALOGUE
+    began = time.process_time()
+    measured, methods = {}, {}
+    if asked.judged is not None:
+        # Loaded here, so that a trial without judging runs does without.
+        from truing.trial.bench import Bench
+        from truing.trial.measure import measure
+
+        figures = measure(Bench(place / "set", asked.judged, len(first.runs), answer), first)
+        measured = asdict(figures)
+        methods = {name: judge_method(said, family, hidden) for name, said in figures.opinions.items()}
+    return Score(
+        effect=asked.effect,
+        seed=asked.seed,
+        weak=asked.weak,
+        family=family,
+        hidden=hidden,
+        strengths=tuple(float(each["strength"]) for each in answer["effects"]),
+        driving=str(answer["driving"]),
+        on_board=not asked.core,
+        verdict=first.verdict,
+        said=names_of(first),
+        named=worth.named,
+        named_alone=worth.named_alone,
+        confidently_wrong=worth.confidently_wrong,
+        right=worth.right,
+        place_right=place_right(measured) if measured and family == "outside" else None,
+        later=tuple(f"{kind}: {', '.join(said)}" for kind, said in later),
+        resolved=(bool(later) and resolved(later, hidden)) if in_doubt and asked.more_runs else None,
+        seconds=result.first.seconds,
+        cpu_s=result.first.cpu_s,
+        making_cpu_s=result.making_cpu_s,
+        scoring_cpu_s=time.process_time() - began,
+        sha256=result.sha256,
+        measured=measured,
+        methods=methods,
+    )
+
+
+def names_of(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """The effects that a verdict names."""
+    return tuple(dict.fromkeys(effect.name for effect in diagnosis.effects))
+
+
+def read_scores(store: Path) -> dict[tuple[str, int], Score]:
+    """The trials that a campaign's file holds."""
     done: dict[tuple[str, int], Score] = {}
     if not store.exists():
         return done
     for line in store.read_text(encoding="utf-8").splitlines():
         try:
-            values = json.loads(line)
+            one = Score.from_json(json.loads(line))
         except json.JSONDecodeError:
             continue  # the line that was being written when the campaign was stopped
-        for name in ("hidden", "strengths", "said"):
-            values[name] = tuple(values[name])
-        done[values["effect"], values["seed"]] = Score(**values)
+        done[one.effect, one.seed] = one
     return done

@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from hil_sim.core import HOLDING_NM, CoreRobot, Placing
 from hil_sim.recorded import Samples
-from truing.device import Device
+from truing.device import Device, UploadedSequence
 from truing.drive import board_fault
-from truing.errors import BoardFault
+from truing.errors import Refused
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
 from truing.log_columns import run_from_records
@@ -26,8 +26,9 @@ FloatArray = npt.NDArray[np.float64]
 
 # Device time 0 is this long after the plant's creation, see hil_sim/core; the virtual board boots alike.
 _DEVICE_ZERO_S = 0.0146 + 38.6e-6 - 0.001
-_LONGEST_PAUSE_S = 3.0
+_LONGEST_PAUSE_S = 4.0
 _HELD_US = 400_000
+_MOST_HOLDS = 6
 _AFTER_US = 50_000
 # Until the supply has been measured a board does not start.
 _SETTLING_US = 50_000
@@ -68,13 +69,63 @@ class DrivenSet:
     runs: tuple[DrivenRun, ...]
     samples: Samples
     placings: tuple[Placing, ...]
-    faults: tuple[str, ...]
 
     @property
     def asked(self) -> FloatArray:
         """Effort asked of the bridges, shape (ms, 2)."""
         asked: FloatArray = self.samples["asked"].astype(np.float64)
         return asked
+
+
+class TrialDrive:
+    """A robot with somebody beside it who drives plan after plan and puts it back to its line in between.
+
+    The board is told the robot's nominal numbers, and that its wheels are known to be sound: a trial's
+    robot may stand under effort, and that is what is being looked for.
+    """
+
+    def __init__(self, robot: SimulatedRobot, spec: Robot, placing_seed: int, longest_s: float) -> None:
+        self._robot = robot
+        self._spec = spec
+        self._rng = np.random.default_rng([placing_seed, 0x706C61])
+        self._runs: list[DrivenRun] = []
+        self._placings: list[Placing] = []
+        self._told: dict[str, float] = {}
+        robot.record(longest_s)
+        robot.run_us(_SETTLING_US)
+        self._device = Device(Client(VirtualStream(robot)))
+
+    def drive(self, plan: Plan) -> DrivenRun:
+        """Drive one more plan.
+
+        Raises
+        ------
+        BoardFault : the board stopped.
+        """
+        velocity = any(segment.kind is not Kind.EFFORT for segment in plan.segments)
+        for name, value in _settings(self._spec, velocity=velocity).items():
+            if self._told.get(name) != value:
+                self._device.set_parameter(name, value)
+                self._told[name] = value
+        number = len(self._runs) + 1
+        run, placing = _one_run(self._robot, self._device, plan, number, self._rng)
+        self._runs.append(run)
+        self._placings.append(placing)
+        return run
+
+    def so_far(self) -> DrivenSet:
+        """All runs until now."""
+        return DrivenSet(tuple(self._runs), self._robot.recorded().copy(), tuple(self._placings))
+
+    def close(self) -> None:
+        """Put the robot away."""
+        self._device.close()
+        self._robot.close()
+
+
+def longest_drive_s(plans: Sequence[Plan], more_s: float = 0.0) -> float:
+    """Time to record for these plans, and for others of `more_s` in all."""
+    return sum(plan.duration_s + _LONGEST_PAUSE_S for plan in plans) + more_s + 5.0
 
 
 def drive_set(
@@ -84,34 +135,16 @@ def drive_set(
     placing_seed: int,
     progress: Callable[[float], None] | None = None,
 ) -> DrivenSet:
-    """Drive the plans one right after the other; between them the robot is put back to the start.
-
-    The board is told the robot's nominal numbers, and that its wheels are known to be sound: a
-    trial's robot may stand under effort, and that is what is being looked for.
-    """
-    rng = np.random.default_rng([placing_seed, 0x706C61])
-    total_s = sum(plan.duration_s + _LONGEST_PAUSE_S for plan in plans) + 5.0
-    velocity = any(segment.kind is not Kind.EFFORT for plan in plans for segment in plan.segments)
-    robot.record(total_s)
-    runs: list[DrivenRun] = []
-    placings: list[Placing] = []
-    faults: list[str] = []
-    robot.run_us(_SETTLING_US)
-    with Device(Client(VirtualStream(robot))) as device:
-        for name, value in _settings(spec, velocity=velocity).items():
-            device.set_parameter(name, value)
+    """Drive the plans one right after the other, and close the robot."""
+    drive = TrialDrive(robot, spec, placing_seed, longest_drive_s(plans))
+    try:
         for number, plan in enumerate(plans, 1):
-            try:
-                run, placing = _one_run(robot, device, plan, number, rng)
-            except BoardFault as fault:
-                faults += [f"{plan.name}: {name}" for name in fault.faults]
-                break
-            runs.append(run)
-            placings.append(placing)
+            drive.drive(plan)
             if progress is not None:
                 progress(number / len(plans))
-        samples = robot.recorded().copy()
-    return DrivenSet(tuple(runs), samples, tuple(placings), tuple(faults))
+        return drive.so_far()
+    finally:
+        drive.close()
 
 
 def _one_run(
@@ -124,8 +157,7 @@ def _one_run(
     robot.place(x_m, y_m, theta_rad)
     for wheel in (0, 1):
         robot.hold_wheel(wheel, HOLDING_NM)
-    robot.run_us(_HELD_US)
-    log_id = device.start(sequence)
+    log_id = _start_when_still(robot, device, sequence)
     release_s = robot.time_s
     for wheel in (0, 1):
         robot.hold_wheel(wheel, 0.0)
@@ -137,6 +169,18 @@ def _one_run(
     run = run_from_records(fetched.decoded.records, f"{number:02d}_{plan.name.replace('/', '_')}")
     placing = Placing(at_s, release_s, x_m, y_m, theta_rad)
     return DrivenRun(run, _DEVICE_ZERO_S + fetched.log.start_s), placing
+
+
+def _start_when_still(robot: SimulatedRobot, device: Device, sequence: UploadedSequence) -> int:
+    """Hold the wheels until the board finds them still, and start; returns the log's number."""
+    for held in range(_MOST_HOLDS):
+        robot.run_us(_HELD_US)
+        try:
+            return device.start(sequence)
+        except Refused:
+            if held == _MOST_HOLDS - 1:
+                raise
+    raise AssertionError  # the last refusal has been raised
 
 
 def _settings(spec: Robot, *, velocity: bool) -> dict[str, float]:

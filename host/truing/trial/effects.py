@@ -156,7 +156,7 @@ def _side_asymmetry(robot: Robot, strength: float, rng: Rng) -> None:
 
 def _coast_decay(robot: Robot, strength: float, _rng: Rng) -> None:
     # The less viscous friction, the longer a floating motor rolls on.
-    robot.viscous = 0.06 * math.exp(4.0 * (1.0 - strength))
+    robot.viscous = 0.06 * math.exp(8.0 * (1.0 - strength))
     robot.add_hidden(driver__floats_at_zero=1.0)
 
 
@@ -214,7 +214,7 @@ def _wheel_slip(robot: Robot, strength: float, rng: Rng) -> None:
     load_n = 0.5 * robot.body_kg * 9.81 * 0.85
     robot.add_hidden(
         tyre__grip=2.0 * push_n / load_n * math.exp(-3.0 * strength),
-        tyre__slip_at_peak=float(rng.uniform(0.08, 0.15)),
+        tyre__slip_at_peak=float(rng.uniform(0.03, 0.08)),
         tyre__load_on_wheels=0.85,
     )
 
@@ -319,7 +319,7 @@ _CATALOGUE = (
     Hidden("speed_limit", _speed_limit, start=0.4),
     Hidden("direction_asymmetry", _direction_asymmetry),
     Hidden("side_asymmetry", _side_asymmetry, tied=True),
-    Hidden("coast_decay", _coast_decay, start=0.5, most=1.3),
+    Hidden("coast_decay", _coast_decay, start=0.7, most=1.15),
     Hidden("gear_backlash", _gear_backlash),
     Hidden("torque_ripple", _torque_ripple),
     Hidden("encoder_eccentricity", _encoder_eccentricity),

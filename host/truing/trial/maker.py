@@ -1,7 +1,9 @@
 """The other process of a concealed trial: builds the robot, shows the seal, drives, keeps the answer.
 
-Its standard output is its only face: one JSON line with the seal's hash before anything moves, one when
-the recordings are written; after a line on its standard input, one with the sealed text.
+Its standard output is its only face, one JSON object a line: the seal's hash before anything moves, then
+that the recordings are written. On its standard input it takes orders, one JSON object a line: `drive` with
+a plan adds a run to the recordings; `open` with a folder has the judging runs driven and written there with
+the truth, and brings the sealed text.
 """
 
 from __future__ import annotations
@@ -9,20 +11,23 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
-from truing.errors import TruingError
-from truing.plan import load_plan
-from truing.trial.making import answer_of, drive_made, prepare_trial, write_set
+import numpy as np
+
+from truing.errors import BoardFault, Refused, TruingError
+from truing.plan import Plan, load_plan, parse_plan
+from truing.trial.making import Making, PreparedTrial, WeakEffectError, answer_of, prepare_trial
 from truing.trial.seal import seal
-from truing.trial.spec import Family, draw_trial
+from truing.trial.spec import Family, draw_trial, judging_plans
 
 _MOST_SEEDS = 20
 
 
 def _say(**values: Any) -> None:
-    sys.stdout.write(json.dumps(values) + "\n")
+    sys.stdout.write(json.dumps(values | {"cpu_s": time.process_time()}) + "\n")
     sys.stdout.flush()
 
 
@@ -39,25 +44,86 @@ def family_of(effect: str) -> tuple[Family, tuple[str, ...] | None]:
     return ("outside" if effect in OUTSIDE else "one"), names
 
 
-def _run(effect: str, seed: int, folder: Path, plans: tuple[str, ...], *, core: bool) -> None:
+def seed_of(seed: int, attempt: int) -> int:
+    """Seed of a further robot for the same trial; the first is the trial's own."""
+    if attempt == 0:
+        return seed
+    return int(np.random.SeedSequence([seed, attempt]).generate_state(1, np.uint64)[0] >> 1)
+
+
+def _prepared(
+    effect: str, seed: int, attempt: int, plans: tuple[Plan, ...] | None, weak: bool | None
+) -> PreparedTrial | None:
+    """A robot that has the effect at the strength drawn, or None where this one cannot."""
     family, names = family_of(effect)
-    chosen = tuple(load_plan(name) for name in plans) or None
+    try:
+        return prepare_trial(draw_trial(seed_of(seed, attempt), family, names, weak=weak, plans=plans))
+    except (WeakEffectError, BoardFault, Refused):
+        if attempt == _MOST_SEEDS - 1:
+            raise
+        return None
+
+
+def make(
+    effect: str,
+    seed: int,
+    folder: Path,
+    *,
+    plans: tuple[Plan, ...] | None = None,
+    weak: bool | None = None,
+    on_board: bool = True,
+) -> tuple[Making, str]:
+    """Show a seal, drive a trial and write its recordings; return it and the sealed text.
+
+    A robot whose board stops of itself is no trial: its seal is void, and another is drawn.
+    """
     for attempt in range(_MOST_SEEDS):
+        prepared = _prepared(effect, seed, attempt, plans, weak)
+        if prepared is None:
+            continue
+        shown, text = seal(answer_of(prepared))
+        _say(sha256=shown)
+        making = Making(prepared, folder, on_board=on_board)
         try:
-            # A robot that cannot have the effect at the strength drawn is drawn anew, from a seed of its own.
-            trial = draw_trial(seed + attempt * 1_000_003, family, names, plans=chosen)
-            prepared = prepare_trial(trial)
+            making.drive(prepared.trial.plans, progress=lambda share: _say(driven=share))
+        except (BoardFault, Refused) as fault:
+            making.close()
+            _say(void=shown, why=fault.message)
+            continue
+        making.write()
+        return making, text
+    raise TruingError(f"{effect}: the board stopped on {_MOST_SEEDS} robots", "take another seed")
+
+
+def obey(making: Making, text: str) -> None:
+    """Take orders until the seal is opened."""
+    for line in sys.stdin:
+        order = json.loads(line)
+        if "drive" in order:
+            try:
+                making.drive([parse_plan(order["drive"], order["name"], "proposed run")])
+            except (BoardFault, Refused) as fault:
+                _say(stopped=fault.message)
+                continue
+            making.write()
+            _say(added=order["name"])
+        if "open" in order:
+            if order["open"]:
+                _judge(making, Path(order["open"]))
+            _say(sealed=text)
+            return
+
+
+def _judge(making: Making, folder: Path) -> None:
+    """Drive the judging runs, as far as the board lets them, and write the truth about all runs."""
+    trial = making.prepared.trial
+    for plan in judging_plans(trial.seed, trial.robot):
+        try:
+            making.drive([plan])
+        except (BoardFault, Refused):
             break
-        except TruingError:
-            if attempt == _MOST_SEEDS - 1:
-                raise
-    shown, text = seal(answer_of(prepared))
-    _say(sha256=shown)
-    made = drive_made(prepared, on_board=not core, progress=lambda share: _say(driven=share))
-    write_set(made, folder)
-    _say(written=str(folder))
-    sys.stdin.readline()
-    _say(sealed=text)
+    making.write(folder)
+    making.write_truth(folder)
 
 
 def main() -> int:
@@ -67,10 +133,20 @@ def main() -> int:
     parser.add_argument("seed", type=int)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--core", action="store_true")
+    parser.add_argument("--strength", choices=("weak", "full"))
     parser.add_argument("--plan", action="append", default=[])
     given = parser.parse_args()
+    weak = None if given.strength is None else given.strength == "weak"
     try:
-        _run(given.effect, given.seed, given.folder, tuple(given.plan), core=given.core)
+        plans = tuple(load_plan(name) for name in given.plan) or None
+        making, text = make(
+            given.effect, given.seed, given.folder, plans=plans, weak=weak, on_board=not given.core
+        )
+        try:
+            _say(written=str(given.folder))
+            obey(making, text)
+        finally:
+            making.close()
     except TruingError as error:
         _say(error=error.message, next=error.next_step)
         return 1

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+import functools
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,21 @@ import numpy as np
 import numpy.typing as npt
 
 from truing.errors import TruingError
+from truing.plan import Kind, Plan
 from truing.recording import Run
 from truing.recording_writer import replace_file, write_run
-from truing.trial.drives import DrivenRun, DrivenSet, SimulatedRobot, board_robot, core_robot, drive_set
+from truing.trial.drives import (
+    DrivenRun,
+    DrivenSet,
+    TrialDrive,
+    board_robot,
+    core_robot,
+    drive_set,
+    longest_drive_s,
+)
 from truing.trial.effects import ALL
 from truing.trial.robot import Robot
-from truing.trial.spec import Trial, with_strengths
+from truing.trial.spec import FULL_STRENGTH, WEAK_STRENGTH, Trial, with_strengths
 from truing.trial.strength import (
     FirstOrder,
     RowMotion,
@@ -28,6 +38,7 @@ from truing.trial.strength import (
 )
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
 
 _COLUMNS = (
     "t_s",
@@ -45,6 +56,14 @@ _COLUMNS = (
     "theta_rad",
     "battery_v",
 )
+
+
+# Simulations that the search for a strength may take, and how near S must come, in its logarithm.
+_MOST_STEPS, _SECANT_STEPS = 9, 3
+_LEAST_RAW = 1e-4
+_NEAR = 0.2
+# Time for what is driven after the plans: runs that a diagnosis asks for, and runs that judge.
+_MORE_S = 140.0
 
 
 class WeakEffectError(TruingError):
@@ -70,14 +89,6 @@ class PreparedTrial:
     noise_mps: float
 
 
-@dataclass(frozen=True)
-class MadeTrial:
-    """A trial that has been driven."""
-
-    prepared: PreparedTrial
-    driven: DrivenSet
-
-
 def prepare_trial(trial: Trial) -> PreparedTrial:
     """Set the effects' strengths, by driving the robot without them and playing that back with them.
 
@@ -86,35 +97,90 @@ def prepare_trial(trial: Trial) -> PreparedTrial:
     WeakEffectError : this robot cannot have the effect at that strength.
     """
     quiet = with_strengths(dataclasses.replace(trial, effects=()), ())
-    rehearsal = _driven(core_robot(quiet, trial.seed), trial, quiet, None)
-    first_order = FirstOrder(rehearsal)
+    rehearsal = drive_set(core_robot(quiet, trial.seed), trial.plans, quiet, trial.seed)
     noise = _noise_mps(rehearsal, row_motion(rehearsal, play(rehearsal, quiet), quiet), quiet)
-    found = [_find_strength(trial, k, rehearsal, first_order, noise) for k in range(len(trial.effects))]
+    closed_loop = any(segment.kind is not Kind.EFFORT for plan in trial.plans for segment in plan.segments)
+    first_order = FirstOrder(rehearsal)
+
+    def measure(k: int, value: float) -> float:
+        if not closed_loop:
+            return strength_of(trial, k, value, rehearsal, first_order, noise)
+        # The controller works against the effect: the efforts are not those of the robot without it.
+        robot = alone(trial, k, value)
+        driven = drive_set(core_robot(robot, trial.seed), trial.plans, robot, trial.seed)
+        return strength_of(trial, k, value, driven, FirstOrder(driven), noise)
+
+    found = [_find_strength(trial, k, functools.partial(measure, k)) for k in range(len(trial.effects))]
     raw = tuple(value for value, _ in found)
     return PreparedTrial(
         trial, with_strengths(trial, raw), raw, tuple(reached for _, reached in found), noise
     )
 
 
-def drive_made(
-    prepared: PreparedTrial, *, on_board: bool, progress: Callable[[float], None] | None = None
-) -> MadeTrial:
-    """Drive a prepared trial: on the virtual board with the flashed image, or on the core alone."""
-    make = board_robot if on_board else core_robot
-    simulated = make(prepared.robot, prepared.trial.seed)
-    return MadeTrial(prepared, _driven(simulated, prepared.trial, prepared.robot, progress))
+class Making:
+    """A prepared trial on its robot: its plans are driven, and whatever is asked for later.
 
+    Parameters
+    ----------
+    on_board : on the virtual board with the flashed image, or on the core alone.
+    folder : where the recording set goes.
+    """
 
-def _driven(
-    simulated: SimulatedRobot, trial: Trial, robot: Robot, progress: Callable[[float], None] | None
-) -> DrivenSet:
-    try:
-        driven = drive_set(simulated, trial.plans, robot, trial.seed, progress)
-    finally:
-        simulated.close()
-    if driven.faults:
-        raise TruingError(f"the board stopped: {', '.join(driven.faults)}")
-    return driven
+    def __init__(self, prepared: PreparedTrial, folder: Path, *, on_board: bool) -> None:
+        self.prepared = prepared
+        self.folder = folder
+        self._written = 0
+        trial = prepared.trial
+        make = board_robot if on_board else core_robot
+        longest_s = longest_drive_s(trial.plans, more_s=_MORE_S)
+        self._drive = TrialDrive(make(prepared.robot, trial.seed), prepared.robot, trial.seed, longest_s)
+
+    def drive(self, plans: Sequence[Plan], progress: Callable[[float], None] | None = None) -> None:
+        """Drive plans, one right after the other.
+
+        Raises
+        ------
+        BoardFault : the board stopped.
+        """
+        for number, plan in enumerate(plans, 1):
+            self._drive.drive(plan)
+            if progress is not None:
+                progress(number / len(plans))
+
+    def write(self, folder: Path | None = None) -> None:
+        """Write the runs that were driven since the last writing, and the baseline beside them."""
+        driven = self._drive.so_far()
+        folder = folder or self.folder
+        motion = row_motion(driven, driven.samples, self.prepared.robot)
+        for number in range(self._written, len(driven.runs)):
+            run = driven.runs[number]
+            made = with_sensors(run, motion, motion.run == number, self.prepared, number)
+            write_run(made, folder / "runs" / f"{made.name}.csv")
+        self._written = len(driven.runs)
+        replace_file(folder / "baseline.toml", baseline_text(self.prepared.trial).encode())
+
+    def write_truth(self, folder: Path) -> None:
+        """Write what happened in the rows of all runs without noise, with the effects and without them.
+
+        Under the very same efforts; what the disturbance did is in neither. Of `truth.npz`: `speed`,
+        `recorded` (N, 2) m/s, `pose` (N, 3), and the same after `plain_`.
+        """
+        driven, prepared = self._drive.so_far(), self.prepared
+        bare = with_strengths(dataclasses.replace(prepared.trial, effects=()), ())
+        arrays: dict[str, FloatArray] = {}
+        for prefix, robot in (("", prepared.robot), ("plain_", bare)):
+            motion = row_motion(driven, play(driven, robot), robot)
+            arrays |= {
+                f"{prefix}speed": motion.speed_mps,
+                f"{prefix}recorded": motion.recorded_mps,
+                f"{prefix}pose": motion.pose,
+            }
+        folder.mkdir(parents=True, exist_ok=True)
+        np.savez(folder / "truth.npz", allow_pickle=False, run=motion.run, **arrays)
+
+    def close(self) -> None:
+        """Put the robot away."""
+        self._drive.close()
 
 
 def alone(trial: Trial, k: int, value: float) -> Robot:
@@ -149,29 +215,34 @@ def _tick_speed(run: DrivenRun, robot: Robot) -> FloatArray:
     return speed
 
 
-def _find_strength(
-    trial: Trial, k: int, driven: DrivenSet, first_order: FirstOrder, noise_mps: float
-) -> tuple[float, float]:
-    """Raw strength at which S is about what the trial wants, and S there: secant steps in logarithms."""
+def _find_strength(trial: Trial, k: int, measure: Callable[[float], float]) -> tuple[float, float]:
+    """Raw strength at which S is about what the trial wants, and S there.
+
+    Secant steps in logarithms, until S is near what is wanted; it must lie in the class that was drawn.
+    """
     effect = ALL[trial.effects[k].name]
-    wanted = trial.effects[k].strength
+    floor, ceiling = (WEAK_STRENGTH[0], FULL_STRENGTH[0]) if trial.weak else (FULL_STRENGTH[0], np.inf)
+    wanted = min(max(trial.effects[k].strength, floor * 1.06), ceiling / 1.06)
     tried: list[tuple[float, float]] = []
-    value = effect.start
-    slope = 1.0
-    for _ in range(6):
-        reached = max(strength_of(trial, k, value, driven, first_order, noise_mps), 1e-6)
+    value, slope = effect.start, 1.0
+    for step in range(_MOST_STEPS):
+        reached = max(measure(value), 1e-6)
         tried.append((value, reached))
-        if abs(np.log(reached / wanted)) < 0.15:
-            break
-        if len(tried) > 1 and tried[-1][0] != tried[-2][0]:
-            step = np.log(tried[-1][1] / tried[-2][1]) / np.log(tried[-1][0] / tried[-2][0])
-            slope = float(np.clip(step, 0.4, 6.0))
-        value = float(np.clip(value * (wanted / reached) ** (1.0 / slope), 1e-4, effect.most))
+        if abs(np.log(reached / wanted)) < _NEAR and floor <= reached < ceiling:
+            return value, reached
+        if step and tried[-1][0] != tried[-2][0]:
+            rise = np.log(tried[-1][1] / tried[-2][1]) / np.log(tried[-1][0] / tried[-2][0])
+            slope = float(np.clip(rise, 0.4, 6.0))
+        value = float(np.clip(value * (wanted / reached) ** (1.0 / slope), _LEAST_RAW, effect.most))
+        low = max((v for v, s in tried if s < wanted), default=_LEAST_RAW)
+        high = min((v for v, s in tried if s >= wanted), default=effect.most)
+        if step >= _SECANT_STEPS or not low <= value <= high:
+            # Grip and limits set in at once: halving finds what a secant passes by.
+            value = float(np.sqrt(low * high)) if low < high else value
         if value == tried[-1][0]:
             break
     value, reached = min(tried, key=lambda pair: abs(float(np.log(pair[1] / wanted))))
-    floor, ceiling = (0.28, 1.0) if wanted < 1.0 else (1.0, np.inf)
-    if not floor <= reached <= ceiling:
+    if not floor <= reached < ceiling:
         raise WeakEffectError(
             f"{effect.name}: S reaches {reached:.2f} on this robot, {wanted:.2f} was wanted",
             "take another seed",
@@ -179,38 +250,27 @@ def _find_strength(
     return value, reached
 
 
-def write_set(made: MadeTrial, folder: Path) -> None:
-    """Write the recording set that the diagnosis gets: runs and baseline, nothing else."""
-    trial = made.prepared.trial
-    rng = np.random.default_rng([trial.seed, 0x73656E73])
-    motion = row_motion(made.driven, made.driven.samples, made.prepared.robot)
-    at = 0
-    for run in made.driven.runs:
-        rows = slice(at, at + len(run.run))
-        at += len(run.run)
-        write_run(_with_sensors(run, motion, rows, made, rng), folder / "runs" / f"{run.run.name}.csv")
-    replace_file(folder / "baseline.toml", baseline_text(trial).encode())
-
-
-def _with_sensors(
-    run: DrivenRun, motion: RowMotion, rows: slice, made: MadeTrial, rng: np.random.Generator
+def with_sensors(
+    run: DrivenRun, motion: RowMotion, rows: BoolArray, prepared: PreparedTrial, number: int
 ) -> Run:
     """The run as its recorder has it: the log's columns, a filtered speed, who looks from outside, a gyro."""
-    sensors = made.prepared.trial.sensors
+    sensors = prepared.trial.sensors
+    rng = np.random.default_rng([prepared.trial.seed, 0x73656E73, number])
     columns = {name: run.run.columns[name] for name in _COLUMNS if name in run.run.columns}
     order = list(_COLUMNS)
-    if made.prepared.robot.filter_s > 0.0:
+    pose = motion.pose[rows]
+    if prepared.robot.filter_s > 0.0:
         for i, side in enumerate(("left", "right")):
             # The filter's noise is that of the counts, less what it averages away; the log's mm/s remain.
             columns[f"vel_{side}_mps"] = np.round(motion.recorded_mps[rows, i], 3)
     if sensors.truth_mm > 0.0:
         spread = (sensors.truth_mm * 1e-3, sensors.truth_mm * 1e-3, sensors.truth_mrad * 1e-3)
-        seen = motion.pose[rows] + rng.normal(0.0, spread, (len(run.run), 3))
+        seen = pose + rng.normal(0.0, spread, (len(run.run), 3))
         for k, name in enumerate(("truth_x_m", "truth_y_m", "truth_theta_rad")):
             columns[name] = np.round(seen[:, k], 5)
             order.append(name)
     if sensors.gyro_radps > 0.0:
-        turn = np.diff(motion.pose[rows, 2], prepend=motion.pose[rows.start, 2])
+        turn = np.diff(pose[:, 2], prepend=pose[0, 2])
         dt = np.diff(run.run.t_s, prepend=run.run.t_s[0] - 0.05)
         columns["gyro_z_radps"] = np.round(
             turn / np.maximum(dt, 1e-9) + rng.normal(0.0, sensors.gyro_radps, len(run.run)), 5
@@ -245,6 +305,7 @@ def answer_of(made: PreparedTrial) -> dict[str, Any]:
         "schema": 1,
         "seed": trial.seed,
         "family": trial.family,
+        "weak": trial.weak,
         "effects": [
             {
                 "name": concealed.name,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from hil_sim.hidden import HiddenEffects
 from hil_sim.plant import (
@@ -19,6 +20,8 @@ from hil_sim.plant import (
     RobotParameters,
     WheelParameters,
 )
+
+FloatArray = npt.NDArray[np.float64]
 
 _GEAR_RATIO = 30.0
 _INDUCTIVE_S = 0.0002
@@ -75,6 +78,17 @@ class Robot:
         """The robot's mass without wheels and rotors."""
         least = min(self._rim_kg(i) for i in (0, 1))
         return 2.0 * least * (1.0 - self.rotor_share - _WHEEL_SHARE)
+
+    @property
+    def counts_share(self) -> FloatArray:
+        """Counts of a turn over those that the baseline says, left and right, shape (2,)."""
+        share: FloatArray = np.array(
+            [
+                float(self.changes.get(f"{side}__encoder__counts_per_rev", self.counts_per_rev))
+                for side in ("left", "right")
+            ]
+        )
+        return share / self.counts_per_rev
 
     def _torque_constant(self, wheel: int) -> float:
         """N m at the wheel per ampere; volts per rad/s as well."""

@@ -20,6 +20,7 @@ PLAN_NAMES = tuple(f"diagnosis/{number:02d}" for number in range(1, 14))
 BASELINE_OFF = 0.08
 FULL_STRENGTH = (1.0, 8.0)
 WEAK_STRENGTH = (0.3, 1.0)
+_LOOSE_RESTING_MPS = 0.03
 
 
 @dataclass(frozen=True)
@@ -69,6 +70,7 @@ class Trial:
     plans: tuple[Plan, ...]
     sensors: Sensors
     shaking: Shaking
+    weak: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -100,7 +102,8 @@ def draw_trial(
     if unknown:
         raise TruingError(f"{unknown[0]}: no effect of that name", f"known: {', '.join(ALL)}, random, none")
     weak = bool(rng.random() < 0.4) if weak is None else weak
-    low, high = WEAK_STRENGTH if weak and family != "two" else FULL_STRENGTH
+    weak = weak and family == "one"
+    low, high = WEAK_STRENGTH if weak else FULL_STRENGTH
     concealed = tuple(
         Concealed(name, float(np.exp(rng.uniform(np.log(low), np.log(high)))), int(rng.integers(2**62)))
         for name in names
@@ -139,6 +142,7 @@ def draw_trial(
         plans=plans or _plans(rng, driving, robot),
         sensors=sensors,
         shaking=shaking,
+        weak=weak,
     )
 
 
@@ -180,6 +184,27 @@ def _ordinary(rng: np.random.Generator, robot: Robot, number: int) -> Plan:
     return Plan(f"ordinary_{number:02d}", "Ordinary driving", tuple(segments), 20)
 
 
+def judging_plans(seed: int, robot: Robot) -> tuple[Plan, ...]:
+    """Runs that judge what was fitted to others: efforts in steps of any size, and a drive as people do."""
+    rng = np.random.default_rng([seed, 0x6A7564])
+    plans = []
+    for number in range(1, 4):
+        segments = [Segment(Kind.EFFORT, 0.5, 0.0, 0.0)]
+        left_s = 10.5
+        while left_s > 0.0:
+            duration = round(float(rng.uniform(0.25, 1.8)), 2)
+            left, right = (round(float(u), 3) for u in rng.uniform(-0.8, 0.8, 2))
+            # Half the time straight on, as robots mostly go; now and then nothing at all.
+            right = left if rng.random() < 0.5 else right
+            if rng.random() < 0.15:
+                left = right = 0.0
+            segments.append(Segment(Kind.EFFORT, duration, left, right))
+            left_s -= duration
+        segments.append(Segment(Kind.EFFORT, 1.0, 0.0, 0.0))
+        plans.append(Plan(f"judging_{number:02d}", "Any efforts", tuple(segments), 20))
+    return (*plans, dataclasses.replace(_ordinary(rng, robot, 4), name="judging_04"))
+
+
 def with_strengths(trial: Trial, values: tuple[float, ...]) -> Robot:
     """Return the trial's robot with its effects at these raw strengths (1: the most of its kind)."""
     robot = dataclasses.replace(
@@ -190,9 +215,12 @@ def with_strengths(trial: Trial, values: tuple[float, ...]) -> Robot:
     shaking = trial.shaking
     if shaking.effort > 0.0:
         torque = robot.effort_nm(shaking.effort)
+        # A motor that is loose from its held wheel would never stand still, and its board never start.
+        loose = "gear__stiffness_nm_per_rad" in robot.hidden
+        resting_mps = max(shaking.resting_mps, _LOOSE_RESTING_MPS if loose else 0.0)
         robot.add_hidden(
             disturbance__torque_nm=(torque, torque),
             disturbance__correlation_s=shaking.correlation_s,
-            disturbance__resting_mps=shaking.resting_mps,
+            disturbance__resting_mps=resting_mps,
         )
     return robot

@@ -46,21 +46,18 @@ class RowMotion:
 def row_motion(driven: DrivenSet, samples: Samples, robot: Robot) -> RowMotion:
     """Return what the samples say at the rows of a driven set."""
     time_s = (np.arange(len(samples)) + 1.0) * 1e-3
-    travel = samples["measured_rad"] * robot.radius_m
-    filtered = filtered_speed(travel, robot.filter_s) if robot.filter_s > 0.0 else None
+    travel = samples["measured_rad"] * robot.radius_m * robot.counts_share
+    filtered = filtered_travel(travel, robot.filter_s) if robot.filter_s > 0.0 else travel
     speeds, recorded, poses, numbers = [], [], [], []
     for number, run in enumerate(driven.runs):
         at = run.row_times_s
-        moved = np.column_stack([np.interp(at, time_s, travel[:, i]) for i in (0, 1)])
-        speed = mean_speed(at, moved)
-        speeds.append(speed)
-        recorded.append(
-            speed
-            if filtered is None
-            else np.column_stack([np.interp(at, time_s, filtered[:, i]) for i in (0, 1)])
-        )
-        pose = [np.interp(at, time_s, samples[name]) for name in ("x_m", "y_m", "theta_rad")]
-        poses.append(np.column_stack(pose))
+
+        def seen(what: FloatArray, at: FloatArray = at) -> FloatArray:
+            return np.column_stack([np.interp(at, time_s, what[:, i]) for i in range(what.shape[1])])
+
+        speeds.append(mean_speed(at, seen(travel)))
+        recorded.append(mean_speed(at, seen(filtered)) if robot.filter_s > 0.0 else speeds[-1])
+        poses.append(seen(np.column_stack([samples[name] for name in ("x_m", "y_m", "theta_rad")])))
         numbers.append(np.full(len(at), number))
     return RowMotion(
         np.concatenate(speeds), np.concatenate(recorded), np.concatenate(poses), np.concatenate(numbers)
@@ -75,11 +72,10 @@ def mean_speed(at_s: FloatArray, travel_m: FloatArray) -> FloatArray:
     return speed
 
 
-def filtered_speed(travel_m: FloatArray, constant_s: float) -> FloatArray:
-    """Speed at every millisecond behind a filter of first order, shape (ms, 2)."""
+def filtered_travel(travel_m: FloatArray, constant_s: float) -> FloatArray:
+    """Sum of the speed behind a filter of first order, shape (ms, 2)."""
     kept = np.exp(-1e-3 / constant_s)
-    speed = np.diff(travel_m, axis=0, prepend=travel_m[:1]) / 1e-3
-    out: FloatArray = lfilter([1.0 - kept], [1.0, -kept], speed, axis=0)
+    out: FloatArray = lfilter([1.0 - kept], [1.0, -kept], travel_m - travel_m[:1], axis=0) + travel_m[:1]
     return out
 
 

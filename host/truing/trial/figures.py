@@ -1,0 +1,186 @@
+"""A campaign's figures, each with its bar and its 95 % bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from truing.trial.measure import HARM
+from truing.trial.score import Score
+
+# Two explanations whose predictions differ by this whitened norm are told apart nearly always.
+SEPARABLE = 4.0
+# Beyond this S an effect has full strength.
+FULL = 1.0
+
+
+def bounds(hits: int, trials: int) -> tuple[float, float]:
+    """95 % bounds of a share (Clopper & Pearson 1934)."""
+    if trials == 0:
+        return 0.0, 1.0
+    low = float(stats.beta.ppf(0.025, hits, trials - hits + 1)) if hits > 0 else 0.0
+    high = float(stats.beta.ppf(0.975, hits + 1, trials - hits)) if hits < trials else 1.0
+    return low, high
+
+
+def median_bounds(values: Sequence[float]) -> tuple[float, float]:
+    """95 % bounds of a median, from the order of the values."""
+    ordered = np.sort(np.asarray(values))
+    n = len(ordered)
+    if n < 6:
+        return (float(ordered[0]), float(ordered[-1])) if n else (math.nan, math.nan)
+    at = int(stats.binom.ppf(0.025, n, 0.5))
+    return float(ordered[max(at - 1, 0)]), float(ordered[min(n - at, n - 1)])
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A share of trials or a median beside its bar.
+
+    Attributes
+    ----------
+    value : the share, or the median.
+    low, high : its 95 % bounds.
+    number : how many trials (or values) it rests on.
+    bar, most : at least the bar, or at most; None: no bar.
+    """
+
+    title: str
+    value: float
+    low: float
+    high: float
+    number: int
+    bar: float | None = None
+    most: bool = False
+    share: bool = True
+    upper_bar: float | None = None
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the bar is met; None without a bar or without trials."""
+        if self.bar is None or self.number == 0:
+            return None
+        good = self.value <= self.bar if self.most else self.value >= self.bar
+        return good and (self.upper_bar is None or self.value <= self.upper_bar)
+
+
+def share_of(
+    title: str, hits: Sequence[bool], bar: float | None, *, most: bool = False, upper: float | None = None
+) -> Figure:
+    """A share."""
+    number, count = len(hits), sum(hits)
+    low, high = bounds(count, number)
+    return Figure(title, count / number if number else math.nan, low, high, number, bar, most, True, upper)
+
+
+def median_of(title: str, values: Sequence[float], bar: float | None, *, most: bool = False) -> Figure:
+    """A median."""
+    finite = [value for value in values if math.isfinite(value)]
+    low, high = median_bounds(finite)
+    middle = float(np.median(finite)) if finite else math.nan
+    return Figure(title, middle, low, high, len(finite), bar, most, False)
+
+
+def _value(scores: Sequence[Score], name: str) -> list[float]:
+    return [float(each.measured[name]) for each in scores if each.measured.get(name) is not None]
+
+
+def is_full(score: Score) -> bool:
+    """Whether everything hidden has full strength."""
+    return score.strength >= FULL
+
+
+def separable(score: Score) -> bool:
+    """Whether the best rival, refitted, is further from the hidden effect than the noise hides."""
+    distance = score.measured.get("rival_distance")
+    return distance is None or float(distance) >= SEPARABLE
+
+
+def figures(scores: Sequence[Score]) -> list[Figure]:
+    """All figures of a campaign, in the order of their bars."""
+    one, two, null, outside = (
+        [each for each in scores if each.family == name] for name in ("one", "two", "null", "outside")
+    )
+    full = [each for each in one if is_full(each)]
+    weak = [each for each in one if not is_full(each)]
+    inside = [held for each in one + two for held in each.measured.get("inside", {}).values()]
+    named = [each for each in one + two if each.named]
+    doubted = [each.resolved for each in scores if each.resolved is not None]
+    rights = [each for each in named if each.verdict == "missing_physics"]
+    return [
+        share_of("one effect, full strength: named", [e.named for e in full], 0.95),
+        share_of("one effect, weak: named", [e.named for e in weak], 0.85),
+        share_of("one, full, best rival told apart: alone", _alone(full), 0.85),
+        share_of("one, weak, best rival told apart: alone", _alone(weak), 0.70),
+        share_of("one, full: alone, of all", [e.named_alone for e in full], None),
+        share_of("one, weak: alone, of all", [e.named_alone for e in weak], None),
+        share_of("one effect: verdict `ambiguous`", [e.verdict == "ambiguous" for e in one], None),
+        share_of("all trials: verdict `ambiguous`", [e.verdict == "ambiguous" for e in scores], None),
+        share_of("two effects: both named, one extra at most", [e.named for e in two], 0.75),
+        share_of("nothing concealed: not accused", [e.right for e in null], 0.98),
+        share_of("confidently wrong", [e.confidently_wrong for e in scores], 0.02, most=True),
+        share_of("outside the catalogue: `unexplained`", [e.right for e in outside], None),
+        share_of(
+            "outside: `unexplained`, place right", [e.right and bool(e.place_right) for e in outside], 0.80
+        ),
+        share_of("effective parameter inside its 95 % interval", inside, 0.90, upper=0.99),
+        median_of("gap closed, other excitation", _value(one + two, "gap_closed"), 0.9),
+        median_of("gap closed from the refitted baseline", _value(one + two, "gap_closed_refitted"), None),
+        share_of("no harm on other excitation", [h <= HARM for h in _value(scores, "harm")], 0.99),
+        median_of("held-out error over noise floor", _value(named, "over_floor"), 1.15, most=True),
+        median_of("noise floor over the true noise", _value(scores, "true_over_floor"), None),
+        share_of("`ambiguous`, truth among them: resolved by two runs at most", doubted, 0.85),
+        median_of("spans: share of the effect's energy", _value(rights, "covered"), 0.8),
+        median_of("spans: share of their energy that is effect", _value(rights, "effect_share"), 0.8),
+        median_of("spans: share of their time with the effect", _value(rights, "effect_time"), None),
+        median_of("verdict, CPU seconds (one thread)", [e.cpu_s for e in scores], None),
+        median_of("verdict, CPU seconds over 2 cores", [0.5 * e.cpu_s for e in scores], 20.0, most=True),
+        median_of("making, CPU seconds", [e.making_cpu_s for e in scores], None),
+    ]
+
+
+def _alone(scores: Sequence[Score]) -> list[bool]:
+    return [each.named_alone for each in scores if separable(each)]
+
+
+Pick = Callable[[Score], bool]
+
+
+def by_method(scores: Sequence[Score]) -> dict[str, list[tuple[str, int, int]]]:
+    """For each method, hits and trials of each kind of trial."""
+    groups: list[tuple[str, Pick, bool]] = [
+        ("one, full", lambda s: s.family == "one" and is_full(s), False),
+        ("one, weak", lambda s: s.family == "one" and not is_full(s), False),
+        ("two", lambda s: s.family == "two", False),
+        ("nothing hidden", lambda s: s.family == "null", False),
+        ("outside", lambda s: s.family == "outside", False),
+        ("confidently wrong", lambda _: True, True),
+    ]
+    methods = list(dict.fromkeys(name for each in scores for name in each.methods))
+    out: dict[str, list[tuple[str, int, int]]] = {}
+    for label, ours in (("truing, named alone or in a set of 3", False), ("truing, named alone", True)):
+        out[label] = [
+            (title, sum(_ours(s, wrong=wrong, alone=ours) for s in scores if pick(s)), _count(scores, pick))
+            for title, pick, wrong in groups
+        ]
+    for name in methods:
+        out[name] = [
+            (title, sum(s.methods[name][int(wrong)] for s in scores if pick(s) and name in s.methods),
+             sum(pick(s) and name in s.methods for s in scores))
+            for title, pick, wrong in groups
+        ]  # fmt: skip
+    return out
+
+
+def _count(scores: Sequence[Score], pick: Pick) -> int:
+    return sum(pick(each) for each in scores)
+
+
+def _ours(score: Score, *, wrong: bool, alone: bool) -> bool:
+    if wrong:
+        return score.confidently_wrong
+    return score.named_alone if alone and score.family == "one" else score.right

@@ -1,0 +1,315 @@
+"""A verdict beside the truth: intervals, errors on other runs, places, and how near the best rival comes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from truing.diagnose.fit import Fit
+from truing.diagnose.problem import Problem
+from truing.diagnose.result import Diagnosis, MismatchSpan
+from truing.diagnose.search import Search
+from truing.trial.bench import HORIZON_S, Bench
+from truing.trial.comparators.opinion import Opinion
+from truing.trial.comparators.picker import picker
+from truing.trial.comparators.sparse import sparse
+from truing.trial.comparators.sysid import sysid
+from truing.trial.effects import ALL
+
+FloatArray = npt.NDArray[np.float64]
+
+# Rivals of the hidden effect that are refitted to noise-free output.
+_RIVALS = 3
+# A true structure that lowers the error by less than this share leaves no gap to close.
+_LEAST_GAP = 0.02
+# A model that is worse than the baseline by more than this share does harm.
+HARM = 1.01
+SPEED_SIGNALS = ("vel_left_mps", "vel_right_mps")
+POSE_SIGNALS = ("truth_x_m", "truth_y_m", "truth_theta_rad")
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Figures of one verdict beside the truth; None where there is nothing to compare.
+
+    Attributes
+    ----------
+    inside : per parameter of a rightly named effect, whether its interval holds the effective value.
+    effective : those values.
+    gap_closed : (baseline - fitted) / (baseline - true structure refitted) on the judging runs.
+    gap_closed_refitted : the same from the refitted baseline: what naming alone is worth.
+    harm : fitted over baseline error on the judging runs.
+    over_floor : held-out error with the named effect over the noise floor.
+    true_over_floor : that floor over the noise that was really there.
+    covered : share of the effect's energy in the spans.
+    effect_share : share of the energy in the spans that is the effect's, the rest being noise.
+    effect_time : share of the spans' time in which the effect stands above a third of the noise.
+    rival, rival_distance : the rival that comes nearest to the hidden effect on noise-free output, and the
+        whitened norm of what it misses there.
+    opinions : what the other methods name.
+    """
+
+    inside: dict[str, bool] = field(default_factory=dict)
+    effective: dict[str, float] = field(default_factory=dict)
+    gap_closed: float | None = None
+    gap_closed_refitted: float | None = None
+    harm: float | None = None
+    over_floor: float | None = None
+    true_over_floor: float | None = None
+    covered: float | None = None
+    effect_share: float | None = None
+    effect_time: float | None = None
+    rival: str = ""
+    rival_distance: float | None = None
+    opinions: dict[str, list[str]] = field(default_factory=dict)
+    opinion_gaps: dict[str, float] = field(default_factory=dict)
+
+
+def measure(bench: Bench, diagnosis: Diagnosis) -> Measured:
+    """Compare one diagnosis with the truth."""
+    known = str(bench.answer["family"]) in ("one", "two")
+    opinions = {
+        "regression with sign": sysid(bench.real),
+        "sparse regression": sparse(bench.real),
+        "picker by training error": picker(diagnosis, _rows(bench)),
+    }
+    told = {name: list(opinion.names) for name, opinion in opinions.items()}
+    covered, effect_share, effect_time = _places(bench, diagnosis)
+    figures = Measured(
+        over_floor=_over_floor(diagnosis),
+        true_over_floor=diagnosis.fit.noise_floor / float(np.sqrt(np.mean(bench.noise.rms**2))),
+        covered=covered,
+        effect_share=effect_share,
+        effect_time=effect_time,
+        opinions=told,
+    )
+    if not known:
+        return _with(figures, harm=_harm(bench, diagnosis))
+    hints = _hints(bench.on_clean, diagnosis)
+    ideal = bench.fitted(bench.on_clean, bench.names, hints)
+    ceiling = bench.fitted(bench.on_real, bench.names, [ideal])
+    rival, distance = _nearest_rival(bench, ideal, diagnosis)
+    effective, inside = _intervals(bench, ideal, diagnosis)
+    closed, refitted, harm = _gaps(bench, diagnosis, ceiling)
+    return _with(
+        figures,
+        inside=inside,
+        effective=effective,
+        gap_closed=closed,
+        gap_closed_refitted=refitted,
+        harm=harm,
+        rival=rival,
+        rival_distance=distance,
+        opinion_gaps=_opinion_gaps(bench, opinions, ceiling),
+    )
+
+
+def _with(figures: Measured, **values: Any) -> Measured:
+    return replace(figures, **values)
+
+
+def _rows(bench: Bench) -> int:
+    return int(2 * bench.real.judged.sum() + 3 * len(bench.on_real.pose_counted))
+
+
+def _over_floor(diagnosis: Diagnosis) -> float | None:
+    """Held-out error with what is named, over the floor of the signal that shows it."""
+    if diagnosis.verdict not in ("missing_physics", "ambiguous") or not diagnosis.effects:
+        return None
+    first = diagnosis.effects[0]
+    floor = diagnosis.fit.noise_floor
+    if first.domain == "pose":
+        floor = math.nan if diagnosis.pose_fit is None else diagnosis.pose_fit.noise_floor
+    return first.heldout_rmse_after / floor if floor > 0.0 else None
+
+
+def _hints(problem: Problem, diagnosis: Diagnosis) -> list[Fit]:
+    """What the diagnosis fitted, as starts."""
+    return [
+        Fit(
+            each.effects,
+            each.theta,
+            problem.columns_of(each.effects),
+            problem.residual(each.theta, each.effects),
+        )
+        for each in diagnosis.explanations
+    ]
+
+
+def _nearest_rival(bench: Bench, ideal: Fit, diagnosis: Diagnosis) -> tuple[str, float | None]:
+    """Which other effect comes nearest to a single hidden one, and by how much it misses."""
+    if len(bench.names) != 1:
+        return "", None
+    problem = bench.on_clean
+    ranked = [entry.names[0] for entry in diagnosis.ranking if len(entry.names) == 1]
+    rivals = [name for name in dict.fromkeys(ranked) if name != bench.names[0]][:_RIVALS]
+    if not rivals:
+        return "", None
+    base = bench.base(problem)
+    found = Search.around(problem, base, rivals, 1).beside(base, _RIVALS) or [base]
+    nearest = min(found, key=lambda one: one.cost)
+    name = nearest.effects[0] if nearest.effects else "baseline"
+    return name, math.sqrt(max(nearest.cost - ideal.cost, 0.0))
+
+
+def _intervals(bench: Bench, ideal: Fit, diagnosis: Diagnosis) -> tuple[dict[str, float], dict[str, bool]]:
+    """Effective parameters, and which of them the intervals of rightly named effects hold."""
+    effective: dict[str, float] = {}
+    inside: dict[str, bool] = {}
+    said = {effect.name: effect for effect in diagnosis.effects if effect.explanation == 0}
+    for name in bench.names:
+        for key, value in bench.on_clean.simulator.report(name, ideal.theta).items():
+            effective[f"{name}.{key}"] = value
+            if diagnosis.verdict != "missing_physics" or name not in said:
+                continue
+            low, high = said[name].parameters[key].ci95
+            slack = 1e-6 * max(abs(value), 1e-3)
+            inside[f"{name}.{key}"] = bool(low - slack <= value <= high + slack)
+    return effective, inside
+
+
+def _in_pose(bench: Bench) -> bool:
+    """Whether what is hidden shows in the pose alone."""
+    return bool(bench.names) and all(ALL[name].domain == "pose" for name in bench.names)
+
+
+def _error(bench: Bench, theta: FloatArray, effects: tuple[str, ...]) -> float:
+    if _in_pose(bench):
+        return bench.pose_error(theta, effects)
+    return bench.speed_error(theta, effects)
+
+
+def _fitted_error(bench: Bench, diagnosis: Diagnosis) -> float | None:
+    """Error of the model that the verdict stands for."""
+    if diagnosis.verdict == "consistent":
+        return _error(bench, bench.simulator.start(), ())
+    if not diagnosis.explanations:
+        return None
+    model = diagnosis.explanations[0]
+    return _error(bench, model.theta, model.effects)
+
+
+def _harm(bench: Bench, diagnosis: Diagnosis) -> float | None:
+    fitted = _fitted_error(bench, diagnosis)
+    given = _error(bench, bench.simulator.start(), ())
+    return None if fitted is None or not given > 0.0 else fitted / given
+
+
+def _gaps(
+    bench: Bench, diagnosis: Diagnosis, ceiling: Fit
+) -> tuple[float | None, float | None, float | None]:
+    fitted = _fitted_error(bench, diagnosis)
+    if fitted is None:
+        return None, None, None
+    given = _error(bench, bench.simulator.start(), ())
+    best = _error(bench, ceiling.theta, ceiling.effects)
+    refitted = _error(bench, bench.base(bench.on_real).theta, ())
+    return _closed(given, fitted, best), _closed(refitted, fitted, best), fitted / given
+
+
+def _closed(before: float, after: float, best: float) -> float | None:
+    gap = before - best
+    return (before - after) / gap if gap > _LEAST_GAP * before else None
+
+
+def _opinion_gaps(bench: Bench, opinions: dict[str, Opinion], ceiling: Fit) -> dict[str, float]:
+    """The gap that other methods close, where they have a model to simulate."""
+    out: dict[str, float] = {}
+    given = _error(bench, bench.simulator.start(), ())
+    best = _error(bench, ceiling.theta, ceiling.effects)
+    for name, opinion in opinions.items():
+        if not opinion.numbers:
+            continue
+        layout = bench.simulator.layout
+        theta = bench.simulator.start().copy()
+        effects: set[str] = set()
+        for key, value in opinion.numbers.items():
+            at = layout.index(key)
+            theta[at] = float(np.clip(value / layout.scale[at], layout.lower[at], layout.upper[at]))
+            if "." in key:
+                effects.add(key.split(".")[0])
+        closed = _closed(given, _error(bench, theta, tuple(sorted(effects))), best)
+        if closed is not None and math.isfinite(closed):
+            out[name] = closed
+    return out
+
+
+def _places(bench: Bench, diagnosis: Diagnosis) -> tuple[float | None, float | None, float | None]:
+    """Share of the effect's energy in the spans, and of the spans that is the effect."""
+    if not bench.names or not diagnosis.mismatch:
+        return (0.0, None, None) if bench.names and diagnosis.verdict == "unexplained" else (None, None, None)
+    if _in_pose(bench):
+        return _pose_places(bench, diagnosis.mismatch)
+    return _speed_places(bench, diagnosis.mismatch)
+
+
+def _speed_places(
+    bench: Bench, spans: tuple[MismatchSpan, ...]
+) -> tuple[float | None, float | None, float | None]:
+    data, truth = bench.real, bench.truth
+    at = bench.truth_rows(data)
+    effect = (truth.recorded - truth.plain_recorded)[at] ** 2
+    effect[~data.judged] = 0.0
+    noise = (data.speed_mps - bench.clean.speed_mps) ** 2
+    inside = np.zeros_like(effect, dtype=bool)
+    for span in spans:
+        if span.signal in SPEED_SIGNALS and span.run in data.names:
+            rows = (data.run_of_row == data.names.index(span.run)) & data.judged
+            rows &= (data.t_s > span.t_start_s - 1e-9) & (data.t_s <= span.t_end_s + 1e-9)
+            inside[rows, SPEED_SIGNALS.index(span.signal)] = True
+    return _shares(effect, noise, inside, float(np.mean(bench.noise.rms**2)))
+
+
+def _pose_places(
+    bench: Bench, spans: tuple[MismatchSpan, ...]
+) -> tuple[float | None, float | None, float | None]:
+    """The same for windows of the pose, each component in standard deviations of a look."""
+    windows = bench.simulator.windows(HORIZON_S)
+    if not len(windows):
+        return None, None, None
+    data, truth = bench.real, bench.truth
+    at = bench.truth_rows(data)
+    sigma = bench.pose_sigma()
+    effect = ((_moves(truth.pose, at, windows) - _moves(truth.plain_pose, at, windows)) / sigma) ** 2
+    # A measuring error moves no robot: what differs is what the wheels' travel foretells.
+    wheels = (truth.recorded - truth.plain_recorded)[at] * data.dt_s[:, None]
+    wheels[~data.judged] = 0.0
+    summed = np.vstack([np.zeros((1, 2)), np.cumsum(wheels, axis=0)])
+    moved = summed[windows.last + 1] - summed[windows.first + 1]
+    base = data.baseline.wheelbase_m or 0.3
+    seeming = np.column_stack([moved.mean(axis=1), 0.0 * moved[:, 0], (moved[:, 1] - moved[:, 0]) / base])
+    effect = effect + (seeming / sigma) ** 2
+    measured = np.nan_to_num(windows.measured - _moves(truth.pose, at, windows))
+    noise = (measured / sigma) ** 2
+    inside = np.zeros_like(effect, dtype=bool)
+    names = np.array(data.names)[windows.run]
+    for span in spans:
+        if span.signal in POSE_SIGNALS:
+            rows = (names == span.run) & (data.t_s[windows.first] >= span.t_start_s - 1e-9)
+            rows &= data.t_s[windows.last] <= span.t_end_s + 1e-9
+            inside[rows, POSE_SIGNALS.index(span.signal)] = True
+    return _shares(effect, noise, inside, 1.0)
+
+
+def _moves(pose: FloatArray, at: npt.NDArray[np.int64], windows: object) -> FloatArray:
+    """Displacement over windows in the frame of their beginnings, shape (m, 3)."""
+    first, last = pose[at[windows.first]], pose[at[windows.last]]  # type: ignore[attr-defined]
+    step = last - first
+    c, s = np.cos(first[:, 2]), np.sin(first[:, 2])
+    return np.column_stack([c * step[:, 0] + s * step[:, 1], c * step[:, 1] - s * step[:, 0], step[:, 2]])
+
+
+def _shares(
+    effect: FloatArray, noise: FloatArray, inside: npt.NDArray[np.bool_], usual: float
+) -> tuple[float | None, float | None, float | None]:
+    total = float(effect.sum())
+    if total <= 0.0 or not inside.any():
+        return (0.0 if total > 0.0 else None), None, None
+    in_spans = float(effect[inside].sum())
+    share = in_spans / (in_spans + float(noise[inside].sum()))
+    above = float(np.mean(effect[inside] > usual / 9.0))
+    return in_spans / total, share, above
