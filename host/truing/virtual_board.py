@@ -16,8 +16,12 @@ if TYPE_CHECKING:
     from hil_sim.plant import RobotParameters
 
 
-def make_virtual_robot(options: VirtualOptions) -> VirtualRobot:
+def make_virtual_robot(options: VirtualOptions, number: int = 1) -> VirtualRobot:
     """Return a virtual board that has just been switched on.
+
+    Parameters
+    ----------
+    number : 1 to 255; boards of different numbers differ in their chip's id.
 
     Raises
     ------
@@ -25,9 +29,10 @@ def make_virtual_robot(options: VirtualOptions) -> VirtualRobot:
     """
     image = options.image or image_path()
     try:
-        from hil_sim import VirtualRobot
+        from hil_sim import DEFAULT_BOARD_ID, VirtualRobot
 
-        return VirtualRobot(image, robot=robot_parameters(options.robot), seed=options.seed)
+        board_id = DEFAULT_BOARD_ID[:-1] + bytes([number])
+        return VirtualRobot(image, robot_parameters(options.robot), options.seed, board_id)
     except (OSError, ImportError, RuntimeError, ValueError) as error:
         raise VirtualBoardError(
             f"the virtual board cannot start: {error}", "`./run setup` builds the image and the virtual board"

@@ -4,40 +4,31 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hil_sim import VirtualCanBus, VirtualRobot
+from hil_sim import VirtualRobot
+from support.chain import Chain
 from truing.device import Device
-from truing.link.can_bus import SimulatedBus
 from truing.link.can_stream import CanStream
 from truing.link.client import Client
+from truing.link.connect import VirtualOptions
 from truing.link.virtual_stream import VirtualStream
+from truing.virtual_can import SimulatedBus, free, make_bus_of_boards
 
 START_US = 20_000
 
 
 class CanChain:
-    """Virtual robots on one bus; the n-th has node n, given over its serial line."""
+    """Virtual robots on one bus; the n-th has node n."""
 
     def __init__(self, image: Path, boards: int = 1, bit_rate: int = 1_000_000) -> None:
         self.image = image
-        self.robots = [VirtualRobot(image, seed=n, board_id=bytes([n]) * 12) for n in range(1, boards + 1)]
-        self.bus = VirtualCanBus(bit_rate)
-        for node, robot in enumerate(self.robots, start=1):
-            device = self.serial_host(robot)
-            device.set_parameter("can_node", node)
-            device.set_parameter("can_bitrate_kbps", bit_rate / 1000)
-        latest = max(robot.time_us for robot in self.robots)
-        for robot in self.robots:
-            robot.run_us(latest - robot.time_us)
-            self.bus.attach(robot)
-        self.bus.run_us(START_US)
+        self.bus = make_bus_of_boards(VirtualOptions(image=image), range(1, boards + 1), bit_rate)
+        self.robots = tuple(self.bus.robots)
 
     def __enter__(self) -> CanChain:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.bus.close()
-        for robot in self.robots:
-            robot.close()
+        free(self.bus)
 
     def serial_host(self, robot: VirtualRobot) -> Device:
         """A host on the robot's serial line."""
@@ -47,3 +38,7 @@ class CanChain:
     def host(self, node: int = 1) -> Device:
         """A host on the bus."""
         return Device(Client(CanStream(SimulatedBus(self.bus), node)))
+
+    def in_ram(self, offset: int, length: int, node: int = 1) -> bytes:
+        """Bytes of a board's log by absolute offset, straight from its RAM."""
+        return Chain.around(self.robots[node - 1], self.image).in_ram(offset, length)

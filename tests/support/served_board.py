@@ -10,11 +10,12 @@ from types import TracebackType
 
 
 class ServedBoard:
-    """`truing board` on a free TCP port and on a pseudo-terminal with a known name."""
+    """`truing board` on a free TCP port and on a pseudo-terminal with a known name; on CAN where asked."""
 
-    def __init__(self, folder: Path, speed: str = "1") -> None:
+    def __init__(self, folder: Path, speed: str = "1", can: Path | None = None) -> None:
         self.link = folder / "robot"
         command = [sys.executable, "-m", "truing", "board", "--json", "--tcp", "0", "--link", str(self.link)]
+        command += [] if can is None else ["--can", str(can)]
         self.process = subprocess.Popen(
             [*command, "--speed", speed], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
         )
@@ -24,7 +25,7 @@ class ServedBoard:
             line = self.process.stdout.readline()
             assert line, f"the board did not start: {said}"
             said += line
-        self.tcp, self.pty = json.loads(said)["ports"]
+        self.tcp, self.pty, *_ = json.loads(said)["ports"]
 
     def __enter__(self) -> ServedBoard:
         return self

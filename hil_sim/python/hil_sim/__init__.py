@@ -5,6 +5,7 @@ from hil_sim.elf import ElfError, Image
 from hil_sim.hidden import HiddenEffects
 from hil_sim.plant import PlantError, PlantState, RobotParameters
 from hil_sim.robot import (
+    DEFAULT_BOARD_ID,
     BoardStats,
     BoardWarning,
     EncoderFault,
@@ -15,6 +16,7 @@ from hil_sim.robot import (
 )
 
 __all__ = [
+    "DEFAULT_BOARD_ID",
     "BoardStats",
     "BoardWarning",
     "CanFrame",

@@ -22,6 +22,10 @@ class SlcanPort:
     Parameters
     ----------
     link : where to put a symbolic link to the terminal, whose own name changes.
+
+    Attributes
+    ----------
+    taken, passed_on : frames that came from the terminal for the bus, and from the bus for the terminal.
     """
 
     def __init__(
@@ -37,6 +41,7 @@ class SlcanPort:
         self._begun = b""
         self._out = bytearray()
         self._open = False
+        self.taken = self.passed_on = 0
 
     def exchange(self) -> None:
         """Carry out what the client has asked for, and pass on what the bus has brought."""
@@ -46,6 +51,7 @@ class SlcanPort:
         while (frame := self._bus.read()) is not None:
             if self._open:
                 self._out += _as_text(frame)
+                self.passed_on += 1
         self._flush()
 
     def close(self) -> None:
@@ -93,6 +99,7 @@ class SlcanPort:
             return _BELL
         with contextlib.suppress(ValueError):
             if self._bus.write(CanFrame(can_id, data, extended=digits == 8, remote=remote)):
+                self.taken += 1
                 return b"Z\r" if digits == 8 else b"z\r"
         return _BELL
 

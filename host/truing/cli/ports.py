@@ -44,13 +44,13 @@ def command(app: App, can_bus: str | None) -> None:
 def _list_nodes(app: App, where: str) -> None:
     from rich.table import Table
 
-    from truing.link.can_bus import AdapterBus
+    from truing.link.can_address import can_address
     from truing.link.can_stream import discover
-    from truing.link.connect import can_address
+    from truing.link.connect import VirtualOptions, open_can_bus
     from truing_protocol import SCHEMA_HASH
 
     address = can_address(where)
-    bus = AdapterBus(address.interface, address.channel, address.bit_rate)
+    bus, _ = open_can_bus(where, VirtualOptions())
     try:
         nodes = discover(bus)
     finally:

@@ -1,19 +1,16 @@
-"""Ways onto a CAN bus: python-can's adapters, and the virtual bus of a virtual board."""
+"""Ways onto a CAN bus: what a bus is to the host, and python-can's adapters."""
 
 from __future__ import annotations
 
 import contextlib
-import math
+import errno
 import time
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from truing.errors import LinkClosed, PortError
 
-if TYPE_CHECKING:
-    from hil_sim import VirtualCanBus
-
-_STEP_US = 100
-_SLEEP_STEP_US = 20_000
+_SEND_WAIT_S = 0.5
+_FRAME_S = 0.0002  # one frame at 500 kbit/s
 
 
 class CanBus(Protocol):
@@ -70,13 +67,21 @@ class AdapterBus:
             ) from error
 
     def send(self, can_id: int, data: bytes) -> None:
-        """Send a frame."""
+        """Send a frame; an interface whose queue is full is waited for."""
         import can
 
-        try:
-            self._bus.send(can.Message(arbitration_id=can_id, data=data, is_extended_id=False), timeout=0.5)
-        except (can.CanError, OSError) as error:
-            raise self._closed(error) from error
+        message = can.Message(arbitration_id=can_id, data=data, is_extended_id=False)
+        deadline = time.monotonic() + _SEND_WAIT_S
+        while True:
+            try:
+                self._bus.send(message, timeout=_SEND_WAIT_S)
+                return
+            except (can.CanError, OSError) as error:
+                # SocketCAN queues ten frames by default and says so at once instead of waiting.
+                full = getattr(error, "error_code", None) == errno.ENOBUFS
+                if not full or time.monotonic() > deadline:
+                    raise self._closed(error) from error
+            time.sleep(_FRAME_S)
 
     def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
         """Return the next frame."""
@@ -111,46 +116,3 @@ class AdapterBus:
             f"{self.name}: the CAN bus is gone ({error})",
             "check the adapter, both 120 ohm resistors and the boards' power, then try again",
         )
-
-
-class SimulatedBus:
-    """The host's node on a bus of virtual boards: waiting makes their time pass."""
-
-    virtual = True
-
-    def __init__(self, bus: VirtualCanBus, name: str = "can:sim") -> None:
-        self._bus = bus
-        self.name = name
-
-    def send(self, can_id: int, data: bytes) -> None:
-        """Send a frame; it takes part in arbitration as time passes."""
-        from hil_sim import CanFrame
-
-        if not self._bus.write(CanFrame(can_id, data)):
-            raise LinkClosed(f"{self.name}: the bus takes no more frames")
-
-    def receive(self, timeout_s: float) -> tuple[int, bytes] | None:
-        """Return the next frame, letting up to `timeout_s` pass."""
-        # Upwards: a wait of less than a microsecond must pass too, or its end is never seen.
-        left = max(0, math.ceil(timeout_s * 1e6))
-        while (frame := self._bus.read()) is None:
-            if left <= 0:
-                return None
-            step = min(left, _STEP_US)
-            self._bus.run_us(step)
-            left -= step
-        return frame.id, frame.data
-
-    def sleep(self, seconds: float) -> None:
-        """Let virtual time pass."""
-        left = round(seconds * 1e6)
-        while left > 0:
-            self._bus.run_us(min(left, _SLEEP_STEP_US))
-            left -= _SLEEP_STEP_US
-
-    def now_s(self) -> float:
-        """Return the virtual time."""
-        return self._bus.time_s
-
-    def close(self) -> None:
-        """Nothing: the bus belongs to whoever made it."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import logging
 from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import isotp
@@ -28,6 +27,7 @@ from truing_protocol import (
 
 # Boards answer a call within 64 ms, whatever their number.
 _CALL_WAIT_S = 0.15
+_CALLS = 5
 # A peer that leaves a message hanging for so long has lost a frame of it; the board allows as much.
 _SILENCE_S = 0.1
 _LOGGER = "truing.link.isotp"
@@ -52,11 +52,26 @@ class Node:
     board: int
 
 
-def discover(bus: CanBus, wait_s: float = _CALL_WAIT_S) -> list[Node]:
-    """Call all boards of a bus; return who answers, by number. Two with one number are both there."""
+def discover(bus: CanBus) -> list[Node]:
+    """Call all boards of a bus; return who answers, by number. Two with one number are both there.
+
+    The call is repeated until it brings nobody new, and a few times where nobody answers at all: an adapter
+    may lose a frame, and a machine that is busy listens late.
+    """
+    found: set[Node] = set()
+    for _ in range(_CALLS):
+        new = _answers(bus) - found
+        if found and not new:
+            break
+        found |= new
+    return sorted(found, key=lambda node: (node.node, node.board))
+
+
+def _answers(bus: CanBus) -> set[Node]:
+    """Who answers one call."""
     found: set[Node] = set()
     bus.send(CAN_HOST_TO_BOARD, bytes([HelloRequest.ID]))
-    deadline = bus.now_s() + wait_s
+    deadline = bus.now_s() + _CALL_WAIT_S
     while (left := deadline - bus.now_s()) > 0:
         frame = bus.receive(left)
         if frame is None:
@@ -65,7 +80,7 @@ def discover(bus: CanBus, wait_s: float = _CALL_WAIT_S) -> list[Node]:
         if 0 < can_id - CanAnnounce.BASE <= CAN_NODES and len(data) == CanAnnounce.SIZE:
             said = CanAnnounce.unpack(data)
             found.add(Node(can_id - CanAnnounce.BASE, said.schema_hash, said.board))
-    return sorted(found, key=lambda node: (node.node, node.board))
+    return found
 
 
 def stop_all(bus: CanBus) -> None:
@@ -78,14 +93,13 @@ class CanStream:
 
     Parameters
     ----------
+    bus : belongs to the stream from now on, which closes it.
     node : the board's number, 1 to 63.
-    on_close : called when the stream is closed, after the bus.
     """
 
-    def __init__(self, bus: CanBus, node: int, on_close: Callable[[], None] | None = None) -> None:
+    def __init__(self, bus: CanBus, node: int) -> None:
         self.bus = bus
         self.node = node
-        self._on_close = on_close
         self._open = True
         self._waiting: deque[isotp.CanMessage] = deque()
         self._begun = b""
@@ -154,8 +168,6 @@ class CanStream:
         if self._open:
             self._open = False
             self.bus.close()
-            if self._on_close is not None:
-                self._on_close()
 
     def _give_up_hanging(self) -> None:
         """On the bus's clock: the layer's own time-outs run in real time, which a virtual bus outruns."""

@@ -6,13 +6,15 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from truing.errors import PortError
 from truing.link.stream import Stream
 
-_KINDS = "sim, auto, /dev/..., tcp:HOST:PORT, can:INTERFACE:CHANNEL[@BITRATE][/NODE], can:sim[/NODE]"
-_CAN_BIT_RATE = 1_000_000
-_START_US = 20_000  # until a virtual board has joined its bus
+if TYPE_CHECKING:
+    from truing.link.can_bus import CanBus
+
+_KINDS = "sim, auto, /dev/..., tcp:HOST:PORT, can:INTERFACE:CHANNEL[@BITRATE][/NODE], can:sim, can:virtual"
 # Adapters of these vendors sit on robots' controllers; others (modems, phones) are listed, not tried.
 _LIKELY_VENDORS = {
     0x0403: "FTDI",
@@ -100,58 +102,30 @@ def _open_tcp(rest: str, _virtual: VirtualOptions) -> Stream:
     return TcpStream(host, int(number))
 
 
-@dataclass(frozen=True, slots=True)
-class CanAddress:
-    """Where on which CAN bus."""
+def open_can_bus(rest: str, virtual: VirtualOptions) -> tuple[CanBus, int]:
+    """Open the bus that `INTERFACE:CHANNEL[@BITRATE][/NODE]` names; return it and the node.
 
-    interface: str
-    channel: str
-    bit_rate: int = _CAN_BIT_RATE
-    node: int = 1
-
-
-def can_address(rest: str) -> CanAddress:
-    """What `INTERFACE:CHANNEL[@BITRATE][/NODE]` says.
-
-    A channel that is a path takes a node only after a bit rate: in `/dev/pts/5` the 5 is none.
+    Raises
+    ------
+    PortError : it is no address, or the adapter cannot be opened.
+    VirtualBoardError : virtual boards cannot start.
     """
-    interface, _, where = rest.partition(":")
-    channel, at, tail = where.partition("@")
-    rate, slash, node = tail.partition("/")
-    if not at and not channel.startswith("/"):
-        channel, slash, node = channel.partition("/")
-    if interface.startswith("sim"):
-        interface, slash, node = interface.partition("/")
-    good = (
-        interface
-        and (channel or interface == "sim")
-        and (not at or (rate.isdecimal() and 10_000 <= int(rate) <= 1_000_000))
-        and (not slash or (node.isdecimal() and 1 <= int(node) <= 63))
-    )
-    if not good:
-        raise PortError(
-            f"can:{rest}: not an address on a CAN bus",
-            "write can:INTERFACE:CHANNEL[@BITRATE][/NODE] with a node of 1 to 63, "
-            "for example can:socketcan:can0/2 or can:slcan:/dev/ttyACM0@500000/2",
-        )
-    return CanAddress(interface, channel, int(rate) if at else _CAN_BIT_RATE, int(node) if slash else 1)
+    from truing.link.can_address import can_address
+    from truing.link.can_bus import AdapterBus
+    from truing.virtual_can import open_channel, open_simulated
+
+    address = can_address(rest)
+    if address.interface == "sim":
+        return open_simulated(virtual, address.node, address.bit_rate), address.node
+    if address.interface == "virtual":
+        return open_channel(virtual, address.channel, address.node, address.bit_rate), address.node
+    return AdapterBus(address.interface, address.channel, address.bit_rate), address.node
 
 
 def _open_can(rest: str, virtual: VirtualOptions) -> Stream:
-    from truing.link.can_bus import AdapterBus, SimulatedBus
     from truing.link.can_stream import CanStream
 
-    address = can_address(rest)
-    if address.interface != "sim":
-        return CanStream(AdapterBus(address.interface, address.channel, address.bit_rate), address.node)
-    from hil_sim import VirtualCanBus
-    from truing.virtual_board import make_virtual_robot
-
-    robot = make_virtual_robot(virtual)
-    bus = VirtualCanBus(address.bit_rate)
-    bus.attach(robot)
-    robot.run_us(_START_US)
-    return CanStream(SimulatedBus(bus), address.node, on_close=robot.close)
+    return CanStream(*open_can_bus(rest, virtual))
 
 
 def _open_auto(_rest: str, _virtual: VirtualOptions) -> Stream:
