@@ -58,6 +58,11 @@ LINE_WIDTH = 100
     "--floor", "floor_m", metavar="METRES", type=click.FloatRange(min=0.1),
     help="How far the next run may go.  [default: as far as the recorded runs went]",
 )  # fmt: skip
+@click.option(
+    "--commanded",
+    is_flag=True,
+    help="Judge the pose (truth, else odometry) against what the efforts command, and no wheel.",
+)
 @click.option("--wheels-only", is_flag=True, help="Leave the outside pose aside.")
 @click.option("--jobs", type=click.IntRange(min=1), help="Threads.  [default: one for each core]")
 @pass_app
@@ -71,6 +76,7 @@ def command(
     exports: tuple[str, ...],
     next_run: Path | None,
     floor_m: float | None,
+    commanded: bool,
     wheels_only: bool,
     jobs: int | None,
 ) -> None:
@@ -85,6 +91,7 @@ def command(
       truing diagnose my_robot
       truing diagnose my_robot --model baseline.toml --json verdict.json --report verdict.html
       truing diagnose my_robot --sim-runs gazebo_output
+      truing diagnose my_robot --commanded
       truing diagnose my_robot --export toml:model.toml --export params:board.toml
       truing diagnose my_robot --next-run next.toml && truing run next.toml --set my_robot
     """
@@ -97,7 +104,9 @@ def command(
 
         wanted = parse_exports(exports)
         recordings = read_for_diagnosis(runs, model)
-        options = Options(sim_runs, wheels_only, jobs, floor_m)
+        if commanded and (wheels_only or sim_runs is not None):
+            raise click.UsageError("--commanded goes with neither --wheels-only nor --sim-runs")
+        options = Options(sim_runs, wheels_only, jobs, floor_m, commanded)
         with app.progress("diagnosing") as progress:
             diagnosis = diagnose_recordings(recordings, options, progress)
         _say(app, diagnosis)

@@ -6,6 +6,15 @@ from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.data import SetData
 from truing.diagnose.effect import Effect, Need
 
+# What only measured wheels show, or what is one thing with a gain where none is measured.
+OF_MEASURED_WHEELS = frozenset(
+    {
+        *("encoder_scale", "encoder_dropout", "encoder_eccentricity", "speed_filter"),
+        *("gear_backlash", "torque_ripple", "wheel_slip", "wheel_radius_error"),
+    }
+)
+# What is between two wheels.
+OF_TWO_WHEELS = frozenset({"turning_scrub", "inertia_coupling", "side_asymmetry"})
 # Below this an effect of ordinary strength would not rise out of the noise.
 FULLY = 1.0
 
@@ -18,7 +27,15 @@ def applicable_effects(data: SetData) -> list[str]:
         if name not in data.baseline.effects
         and not missing_needs(data, effect)
         and effect.exercised(data) > 0.0
+        and name not in _out_of_reach(data)
     ]
+
+
+def _out_of_reach(data: SetData) -> frozenset[str]:
+    """Effects of which these signals say nothing, whatever was driven."""
+    if data.commanded:
+        return OF_MEASURED_WHEELS
+    return frozenset() if data.usable.any(axis=0).all() else OF_TWO_WHEELS
 
 
 def not_exercised(data: SetData) -> tuple[str, ...]:

@@ -25,6 +25,10 @@ MINIMUM_SEGMENT_ROWS = 4
 # A segment whose first rows are slower than this share of full speed starts at rest.
 AT_REST_SHARE = 0.01
 
+# Poses are judged over windows of this length, s: an error of odometry shows over a second, a delay of a
+# command over less.
+POSE_HORIZON_S, COMMANDED_HORIZON_S = 1.0, 0.25
+
 # Standard gravity, m/s^2.
 GRAVITY = 9.80665
 
@@ -123,6 +127,11 @@ class SetData:
         judged = np.ones(len(self), dtype=bool)
         judged[self.starts[:-1]] = False
         return judged
+
+    @property
+    def pose_horizon_s(self) -> float:
+        """Length of the windows over which a pose is judged, s."""
+        return COMMANDED_HORIZON_S if self.commanded else POSE_HORIZON_S
 
     @property
     def counted(self) -> BoolArray:
@@ -256,6 +265,11 @@ def set_data(
     odometry = _pose(runs, rows_of_run, ("x_m", "y_m", "theta_rad"))
     if commanded and not np.isfinite(truth).all(axis=1).any():
         truth = odometry.copy()
+        if not np.isfinite(truth).all(axis=1).any():
+            raise IdentifyError(
+                f"{recordings.name}: there is no pose to hold against the commands",
+                "Log truth_x_m, truth_y_m, truth_theta_rad, or the odometry as x_m, y_m, theta_rad",
+            )
     usable = usable_rows(runs, baseline, values)
     gyro = column("gyro_z_radps")
     gyro_radps = np.full(len(t_s), np.nan) if gyro is None else gyro

@@ -16,7 +16,7 @@ from truing.diagnose.data import SetData, set_data
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.held_out import folds_of
 from truing.diagnose.noise import Noise, estimate_noise
-from truing.diagnose.problem import POSE_HORIZON_S, Problem, base_columns, lagged_rows, pose_spread
+from truing.diagnose.problem import Problem, base_columns, lagged_rows, pose_spread
 from truing.diagnose.result import Diagnosis
 from truing.diagnose.search import Search
 from truing.diagnose.simulation.simulator import SetSimulator
@@ -59,12 +59,21 @@ def _unheard(share: float) -> None:
 
 
 def diagnose_set(
-    recordings: RecordingSet, *, progress: Progress | None = None, jobs: int | None = None
+    recordings: RecordingSet,
+    *,
+    progress: Progress | None = None,
+    jobs: int | None = None,
+    commanded: bool = False,
 ) -> Diagnosis:
-    """The same for recordings in memory, whose `baseline` is set."""
+    """The same for recordings in memory, whose `baseline` is set.
+
+    Parameters
+    ----------
+    commanded : the pose is held against what the efforts command, and the wheels are not judged.
+    """
     began = time.monotonic()
     say = progress or _unheard
-    data = set_data(recordings)
+    data = set_data(recordings, commanded=commanded)
     reasoning = investigate(data, say, jobs or os.cpu_count() or 1)
     say(0.9)
     diagnosis = write_up(recordings, reasoning)
@@ -82,7 +91,7 @@ class _Stage:
 
 def investigate(data: SetData, say: Progress, jobs: int) -> Reasoning:
     """All fits, and what follows from them."""
-    simulator = SetSimulator(data, data.baseline)
+    simulator = SetSimulator(data, data.baseline, commanded=data.commanded)
     names = applicable_effects(data)
     stage = first_look(data, simulator)
     say(0.1)
@@ -104,10 +113,10 @@ def investigate(data: SetData, say: Progress, jobs: int) -> Reasoning:
 def first_look(data: SetData, simulator: SetSimulator) -> _Stage:
     """Refit the baseline, and take for noise what even a flexible model does not foretell."""
     lagged = lagged_rows(data)
-    counted = data.judged[:, None] * np.ones((1, 2))
+    counted = data.counted.astype(np.float64)
     white = Noise(np.zeros((2, lagged.shape[0])), np.ones(2), np.ones(2))
     left, right = data.baseline.left, data.baseline.right
-    windows = len(simulator.windows(POSE_HORIZON_S))
+    windows = len(simulator.windows(data.pose_horizon_s))
     problem = Problem(
         data=data,
         simulator=simulator,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from truing.diagnose.problem import POSE_HORIZON_S, Problem
+from truing.diagnose.problem import Problem
 from truing.diagnose.result import MismatchSpan
 from truing.diagnose.traces import PoseTraces
 from truing.model.kernel import FloatArray, IntArray
@@ -21,7 +21,7 @@ def pose_folds(problem: Problem, folds: IntArray) -> IntArray:
     """Which part each window is judged in, shape (m,): that of its last row."""
     if not len(problem.pose_counted):
         return np.zeros(0, dtype=np.int64)
-    return np.asarray(folds[problem.simulator.windows(POSE_HORIZON_S).last])
+    return np.asarray(folds[problem.simulator.windows(problem.data.pose_horizon_s).last])
 
 
 def pose_rmse(problem: Problem, pose: FloatArray) -> float:
@@ -42,7 +42,7 @@ def pose_spans(problem: Problem, shape: FloatArray, least: float) -> list[Mismat
     spans: list[MismatchSpan] = []
     if not len(shape):
         return spans
-    data, windows = problem.data, problem.simulator.windows(POSE_HORIZON_S)
+    data, windows = problem.data, problem.simulator.windows(problem.data.pose_horizon_s)
     total = float(np.sum(shape**2))
     for k, signal in enumerate(SIGNALS):
         energy = shape[:, k] ** 2
@@ -74,7 +74,7 @@ def pose_traces(
     """One run's windows for pictures; the three residuals are (m, 3) in standard deviations."""
     if not len(problem.pose_counted):
         return None
-    data, windows = problem.data, problem.simulator.windows(POSE_HORIZON_S)
+    data, windows = problem.data, problem.simulator.windows(problem.data.pose_horizon_s)
     here = windows.run == run
     sigma = problem.pose_sigma
     return PoseTraces(

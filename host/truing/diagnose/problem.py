@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from truing.diagnose.catalogue import CATALOGUE
+from truing.diagnose.data import POSE_HORIZON_S as POSE_HORIZON_S
 from truing.diagnose.data import SetData
 from truing.diagnose.noise import Noise, lag_index, order_for, whiten
 from truing.diagnose.simulation.simulator import SetSimulator
@@ -19,7 +20,6 @@ from truing.model.kernel import FloatArray, IntArray
 # Whitened residuals beyond this many standard deviations pull no harder than this: one bad sample, one
 # knock against the robot, decides nothing (Huber 1964).
 CLIP = 4.0
-POSE_HORIZON_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ class Problem:
         """Pose residuals (m, 3) in standard deviations; zero where nothing was measured."""
         if not len(self.pose_counted):
             return np.zeros((0, 3))
-        raw = self.simulator.pose_residuals(theta, on, POSE_HORIZON_S)
+        raw = self.simulator.pose_residuals(theta, on, self.data.pose_horizon_s)
         scaled = raw / self.pose_sigma * self.pose_counted[:, None]
         return np.asarray(np.where(np.isfinite(scaled), scaled, 0.0))
 
@@ -96,7 +96,7 @@ class Problem:
         """Pose residuals (m, 3) in m, m, rad; zero where nothing was measured."""
         if not len(self.pose_counted):
             return np.zeros((0, 3))
-        raw = self.simulator.pose_residuals(theta, self.masks(effects), POSE_HORIZON_S)
+        raw = self.simulator.pose_residuals(theta, self.masks(effects), self.data.pose_horizon_s)
         return np.asarray(np.where(np.isfinite(raw), raw, 0.0))
 
     def flattened(self, speeds: FloatArray, pose: FloatArray) -> FloatArray:
@@ -133,6 +133,8 @@ class Problem:
         return np.concatenate((white, pose))
 
     def _moves_pose(self, column: Column) -> bool:
+        if self.data.commanded:
+            return True
         effect = column.name.split(".")[0]
         return "." in column.name and CATALOGUE[effect].domain != "wheel"
 
@@ -207,7 +209,7 @@ def pose_spread(problem: Problem, theta: FloatArray, effects: tuple[str, ...]) -
     spread = np.ones(3)
     if not len(problem.pose_counted):
         return spread
-    raw = problem.simulator.pose_residuals(theta, problem.masks(effects), POSE_HORIZON_S)
+    raw = problem.simulator.pose_residuals(theta, problem.masks(effects), problem.data.pose_horizon_s)
     for k in range(3):
         seen = raw[np.isfinite(raw[:, k]), k]
         if len(seen):

@@ -34,6 +34,7 @@ class Options:
     sim_runs : folder with another simulator's output, instead of the baseline's own.
     wheels_only : leave pose and yaw rate aside.
     jobs : threads; None: one for each core.
+    commanded : the wheels were not measured, or saw what is looked for: hold the pose against the commands.
     floor_m : floor that a proposed run may use, m; None: as much as the recorded runs used.
     """
 
@@ -41,6 +42,7 @@ class Options:
     wheels_only: bool = False
     jobs: int | None = None
     floor_m: float | None = None
+    commanded: bool = False
 
 
 def _unheard(share: float) -> None:
@@ -134,7 +136,7 @@ def _diagnose(recordings: RecordingSet, options: Options, say: Progress) -> Diag
             "Give --model a baseline.toml: [wheel.left] and [wheel.right] with gain_mps and time_constant_s",
         )
     checked = check_data(recordings)
-    diagnosis = diagnose_set(recordings, progress=say, jobs=options.jobs)
+    diagnosis = diagnose_set(recordings, progress=say, jobs=options.jobs, commanded=options.commanded)
     known = {(check.topic, check.run, check.wheel) for check in diagnosis.checks}
     more = tuple(check for check in checked.checks if (check.topic, check.run, check.wheel) not in known)
     named = {effect.name for effect in diagnosis.effects}

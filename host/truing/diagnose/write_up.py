@@ -165,10 +165,12 @@ def scope_of(name: str, parameters: dict[str, EffectParameter]) -> tuple[Scope, 
 
 def _errors(reasoning: Reasoning, shown: Fit) -> FitErrors:
     problem = reasoning.problem
+    if problem.data.commanded:
+        return _pose_errors(reasoning, shown) or FitErrors(0.0, 0.0, 0.0, 0.0, "m")
 
     def rmse(done: Fit) -> float:
         error = (problem.data.speed_mps - done.residual.speeds)[problem.counted > 0.0]
-        return float(np.sqrt(np.mean(error**2)))
+        return float(np.sqrt(np.mean(error**2))) if error.size else 0.0
 
     floor = float(np.sqrt(np.mean(problem.noise.rms**2)))
     return FitErrors(rmse(reasoning.given), rmse(reasoning.base), rmse(shown), floor)

@@ -22,16 +22,22 @@ def read_drivetrain(folder: Path) -> RecordingSet:
     return replace(recordings, baseline=linear_baseline(recordings.runs, robot))
 
 
-def linear_baseline(runs: Sequence[Run], robot: RobotGeometry) -> Baseline:
-    """Gain and time constant of each wheel, identified under a model that has nothing else."""
+def linear_baseline(runs: Sequence[Run], robot: RobotGeometry, wheels: Sequence[Wheel] = WHEELS) -> Baseline:
+    """Gain and time constant of each wheel, identified under a model that has nothing else.
+
+    Parameters
+    ----------
+    wheels : those that are there; one that is not gets the numbers of the first that is.
+    """
     geometry = Baseline(Path("baseline.toml"), WheelModel(1.0, 1.0), WheelModel(1.0, 1.0), robot)
-    wheels = {wheel: _linear(runs, wheel, geometry) for wheel in WHEELS}
-    return replace(geometry, left=wheels["left"], right=wheels["right"])
+    found = {wheel: _linear(runs, wheel, geometry) for wheel in wheels}
+    left, right = (found.get(wheel, found[wheels[0]]) for wheel in WHEELS)
+    return replace(geometry, left=left, right=right)
 
 
 def _linear(runs: Sequence[Run], wheel: Wheel, geometry: Baseline) -> WheelModel:
-    found = fit_wheel(runs, wheel, "linear", geometry, hold_out=False, intervals=False)
-    return WheelModel(found.parameters["gain_mps"].value, found.parameters["time_constant_s"].value)
+    found = fit_wheel(runs, wheel, "linear", geometry, hold_out=False, intervals=False).physics
+    return WheelModel(found.gain_mps, found.time_constant_s)
 
 
 def set_folders(recordings: Path) -> tuple[Path, ...]:

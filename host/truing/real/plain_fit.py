@@ -8,7 +8,7 @@ sample is whitened or clipped, and each run is simulated by the numbers that the
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from truing.diagnose.data import BoolArray, FloatArray, IntArray, SetData
 from truing.diagnose.effect import Effect
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.identify.levenberg import minimise
+from truing.real.signals import Signals
 
 # Errors closer together than this are drawn together by the bootstrap: they are no independent samples.
 BLOCK_S = 2.0
@@ -36,8 +37,8 @@ class Unseen:
     ----------
     effects : beside the baseline's own.
     theta : shape (p,), the fit to everything.
-    error : shape (n, 2), m/s, measured minus simulated, unseen.
-    fitted : shape (n, 2), m/s, the same of the fit to everything.
+    error : shape (k, c), measured minus simulated, unseen; zero where nothing is judged.
+    fitted : shape (k, c), the same of the fit to everything.
     """
 
     effects: tuple[str, ...]
@@ -46,73 +47,101 @@ class Unseen:
     fitted: FloatArray
 
 
+@dataclass(frozen=True, slots=True)
+class Drop:
+    """What an effect does to an error on unseen runs.
+
+    Attributes
+    ----------
+    before, after : RMS.
+    after_ci95 : of the error after.
+    ci95 : of before minus after; the effect lowers the error where both ends lie above zero.
+    """
+
+    before: float
+    after: float
+    after_ci95: tuple[float, float]
+    ci95: tuple[float, float]
+
+    @property
+    def lowers(self) -> bool:
+        """Whether the error falls by more than chance makes it."""
+        return self.ci95[0] > 0.0
+
+
 class PlainJudge:
     """Fits structures to a set and judges them on what they have not seen; each structure once."""
 
     def __init__(self, data: SetData) -> None:
         self.data = data
-        self.simulator = SetSimulator(data)
-        self.parts = _parts(data)
+        self.simulator = SetSimulator(data, commanded=data.commanded)
+        self.signals = Signals(data, self.simulator)
+        self.parts = _parts(self.signals)
         self._known: dict[tuple[str, ...], Unseen] = {}
 
     def unseen(self, effects: Sequence[str]) -> Unseen:
-        """The structure of the baseline with these effects; the order says which is added to which."""
+        """The structure of the baseline with these effects, each added to those before it."""
         key = tuple(effects)
         if key not in self._known:
-            everything = np.ones(len(self.data), dtype=np.bool_)
-            theta = self._fit(key, everything)
-            error = np.zeros((len(self.data), 2))
+            theta = self._fit(key, np.ones(len(self.parts), dtype=np.bool_))
+            error = np.zeros_like(self.signals.counted, dtype=np.float64)
             for part in np.unique(self.parts):
                 rows = self.parts == part
                 refit = self._fit(key, ~rows, theta)
-                error[rows] = (self.data.speed_mps - self._speeds(refit, key))[rows]
-            fitted = self.data.speed_mps - self._speeds(theta, key)
-            self._known[key] = Unseen(key, theta, error, fitted)
+                error[rows] = self._errors(refit, key)[rows]
+            self._known[key] = Unseen(key, theta, error, self._errors(theta, key))
         return self._known[key]
 
-    def rms(self, error: FloatArray, wheels: Iterable[int] = (0, 1)) -> float:
-        """RMS of an error (n, 2) over these wheels, every run with the same weight, m/s."""
-        return float(np.sqrt(np.mean(self.squares(error)[:, list(wheels)])))
+    def rms(self, error: FloatArray, columns: Sequence[int]) -> float:
+        """RMS of an error (k, c) over these columns, every run with the same weight."""
+        squares = [np.mean(self._squares(error, run, columns)) for run in self._runs(columns)]
+        return float(np.sqrt(np.mean(squares)))
 
-    def squares(self, error: FloatArray) -> FloatArray:
-        """Mean square of an error (n, 2) by run and wheel, shape (runs, 2)."""
-        judged = self.data.judged
-        return np.stack(
-            [np.mean(error[judged & self.data.rows_of(run)] ** 2, axis=0) for run in range(self.data.runs)]
-        )
-
-    def interval(
-        self, before: FloatArray, after: FloatArray, wheels: Iterable[int] = (0, 1), seed: int = 1
-    ) -> tuple[tuple[float, float], tuple[float, float]]:
-        """95 % intervals of the RMS error `after` and of its drop below `before`, m/s.
+    def drop(self, before: Unseen, after: Unseen, columns: Sequence[int], seed: int = 1) -> Drop:
+        """How the unseen error changes, with intervals.
 
         Blocks of two seconds are drawn with replacement within each run (a moving state makes errors
         follow one another), the same blocks for both errors.
         """
-        columns = list(wheels)
         draw = np.random.default_rng(seed)
         totals = np.zeros((2, DRAWS))
-        for run in range(self.data.runs):
-            rows = self.data.judged & self.data.rows_of(run)
-            block = _blocks(self.data.t_s[rows])
+        runs = self._runs(columns)
+        for run in runs:
+            block = _blocks(self.signals.t_s[self._rows(run, columns)])
             size = np.bincount(block)
             sums = np.stack(
-                [np.bincount(block, (e[rows][:, columns] ** 2).mean(axis=1)) for e in (before, after)]
+                [np.bincount(block, self._squares(one.error, run, columns)) for one in (before, after)]
             )
             chosen = draw.integers(0, len(size), (DRAWS, len(size)))
             totals += sums[:, chosen].sum(axis=2) / size[chosen].sum(axis=1)
-        first, second = np.sqrt(totals / self.data.runs)
+        first, second = np.sqrt(totals / len(runs))
         low, high = np.percentile(second, (2.5, 97.5))
         least, most = np.percentile(first - second, (2.5, 97.5))
-        return (float(low), float(high)), (float(least), float(most))
+        return Drop(
+            self.rms(before.error, columns),
+            self.rms(after.error, columns),
+            (float(low), float(high)),
+            (float(least), float(most)),
+        )
 
-    def _speeds(self, theta: FloatArray, effects: tuple[str, ...]) -> FloatArray:
-        return self.simulator.speeds(theta, self.simulator.enabled(effects))
+    def _rows(self, run: int, columns: Sequence[int]) -> BoolArray:
+        judged = self.signals.counted[:, list(columns)].all(axis=1)
+        return np.asarray(judged & (self.signals.run_of_row == run))
+
+    def _runs(self, columns: Sequence[int]) -> list[int]:
+        return [run for run in range(self.data.runs) if self._rows(run, columns).any()]
+
+    def _squares(self, error: FloatArray, run: int, columns: Sequence[int]) -> FloatArray:
+        """Mean square over the columns in each judged row of a run."""
+        return np.asarray(np.mean(error[self._rows(run, columns)][:, list(columns)] ** 2, axis=1))
+
+    def _errors(self, theta: FloatArray, effects: tuple[str, ...]) -> FloatArray:
+        return self.signals.errors(theta, self.simulator.enabled(effects))
 
     def _fit(self, effects: tuple[str, ...], rows: BoolArray, also: FloatArray | None = None) -> FloatArray:
         """The best numbers for some rows: from the structure without its last effect, and from `also`."""
         if effects:
-            base = self._fit(effects[:-1], rows) if len(effects) > 1 else self._baseline(rows)
+            base = self._fit(effects[:-1], rows)
             starts = [_placed(self.simulator, base, effects[-1], values) for values in grid_of(effects[-1])]
         else:
             starts = [self.simulator.start()]
@@ -121,9 +150,6 @@ class PlainJudge:
         scouts = [self._search(effects, rows, start, SCOUT_STEPS) for start in starts]
         best = min(scouts, key=lambda end: end[1])
         return self._search(effects, rows, best[0], STEPS)[0]
-
-    def _baseline(self, rows: BoolArray) -> FloatArray:
-        return self._search((), rows, self.simulator.start(), STEPS)[0]
 
     def _search(
         self, effects: tuple[str, ...], rows: BoolArray, start: FloatArray, steps: int
@@ -135,40 +161,49 @@ class PlainJudge:
 
         def place(x: FloatArray) -> FloatArray:
             theta = start.copy()
-            theta[free] = x
+            for entries, value in zip(free, x, strict=True):
+                theta[list(entries)] = value
             return theta
 
         def residual(x: FloatArray) -> FloatArray:
-            error = self.simulator.speeds(place(x), on) - self.data.speed_mps
-            return np.asarray((error * weight[:, None]).ravel())
+            return np.asarray((self.signals.errors(place(x), on) * weight).ravel())
 
         def jacobian(x: FloatArray, at: FloatArray) -> FloatArray:
             del at
-            columns = self.simulator.jacobian(place(x), on, free)
-            return np.asarray((columns * weight[:, None, None]).reshape(-1, len(free)))
+            columns = self.signals.derivatives(place(x), on, free)
+            return np.asarray((columns * weight[:, :, None]).reshape(-1, len(free)))
 
+        first = [entries[0] for entries in free]
         end = minimise(
-            residual, jacobian, start[free], layout.lower[free], layout.upper[free],
+            residual, jacobian, start[first], layout.lower[first], layout.upper[first],
             iterations=steps, tolerance=1e-5,
         )  # fmt: skip
         return place(end.theta), end.cost
 
     def _weights(self, rows: BoolArray) -> FloatArray:
-        """Square roots of weights that let every run count the same, shape (n,)."""
-        weight = np.zeros(len(self.data))
+        """Square roots of weights that let every run count the same, shape (k, c)."""
+        weight = np.zeros(self.signals.counted.shape)
         for run in range(self.data.runs):
-            chosen = rows & self.data.judged & self.data.rows_of(run)
-            if chosen.any():
-                weight[chosen] = 1.0 / np.sqrt(chosen.sum())
+            chosen = self.signals.counted & (rows & (self.signals.run_of_row == run))[:, None]
+            weight[chosen] = 1.0 / np.sqrt(max(int(chosen.sum()), 1))
         return weight
 
 
-def free_entries(simulator: SetSimulator, effects: Sequence[str]) -> list[int]:
-    """Places of the numbers that a fit may change: the baseline's, and the effects' but for grid values."""
-    free = list(range(4))
+def free_entries(simulator: SetSimulator, effects: Sequence[str]) -> list[tuple[int, ...]]:
+    """Places of the numbers that a fit may change, those of tied wheels together.
+
+    The baseline's four (two where its wheels are equal), and the effects' but for what is searched on a
+    grid alone.
+    """
+    gains = ("gain_left", "gain_right"), ("tau_left", "tau_right")
+    index = simulator.layout.index
+    free: list[tuple[int, ...]] = []
+    for pair in gains:
+        places = tuple(index(name) for name in pair)
+        free += [places] if simulator.tied else [(place,) for place in places]
     for name in (*simulator.baseline_effects, *effects):
         free += [
-            simulator.layout.index(f"{name}.{item.name}")
+            (index(f"{name}.{item.name}"),)
             for item in CATALOGUE[name].parameters
             if not item.fixed and not (item.scan and item.nuisance)
         ]
@@ -197,14 +232,15 @@ def _placed(simulator: SetSimulator, theta: FloatArray, effect: str, values: dic
     return placed
 
 
-def _parts(data: SetData) -> IntArray:
-    """Which part each row is judged in, shape (n,): its run, or a quarter of a single one."""
-    if data.runs > 1:
-        return data.run_of_row
-    return np.asarray(np.minimum(np.arange(len(data)) * PARTS // len(data), PARTS - 1), dtype=np.int64)
+def _parts(signals: Signals) -> IntArray:
+    """Which part each row is judged in, shape (k,): its run, or a quarter of a single one."""
+    run = signals.run_of_row
+    if len(np.unique(run)) > 1:
+        return run
+    return np.asarray(np.minimum(np.arange(len(run)) * PARTS // len(run), PARTS - 1), dtype=np.int64)
 
 
 def _blocks(t_s: FloatArray) -> IntArray:
-    """Block numbers of rows at these times, shape (n,), without holes."""
+    """Block numbers of rows at these times, shape (k,), without holes."""
     _, number = np.unique(((t_s - t_s[0]) / BLOCK_S).astype(np.int64), return_inverse=True)
     return np.asarray(number, dtype=np.int64)

@@ -204,9 +204,9 @@ class SetSimulator:
         self._kernel.windowed_motion(motion, windows.first, windows.last, predicted)
         return np.asarray(windows.measured - predicted)
 
-    def pose_runs(self, windows_per_block: int = 1, horizon_s: float = 1.0) -> IntArray:
+    def pose_runs(self, windows_per_block: int = 1, horizon_s: float | None = None) -> IntArray:
         """Block number of each window of `pose_residuals`, shape (m,); no block spans two runs."""
-        return self.windows(horizon_s).blocks(windows_per_block)
+        return self.windows(horizon_s or self.data.pose_horizon_s).blocks(windows_per_block)
 
     def jacobian(self, theta: FloatArray, on: BoolArray, free: Sequence[int]) -> FloatArray:
         """Derivatives of the speeds, shape (n, 2, len(free)), by differences.
