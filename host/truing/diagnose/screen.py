@@ -168,7 +168,8 @@ def _look(
             on = p.name in names or p.scan or p.nuisance
             theta[layout.index(f"{effect.name}.{p.name}")] = values[p.name] if on else p.off
         bent = problem.simulator.speeds(theta, problem.masks(effects)) - base.residual.speeds
-        moved = still - problem.raw_pose(theta, effects) if effect.domain != "wheel" else np.zeros_like(still)
+        in_pose = problem.data.commanded or effect.domain != "wheel"
+        moved = still - problem.raw_pose(theta, effects) if in_pose else np.zeros_like(still)
         by_wheel = {side: tuple(n for n in names if sided[n] == side) for side in SIDES}
         if all(by_wheel.values()) and not moved.any():
             for wheel, side in enumerate(SIDES):
