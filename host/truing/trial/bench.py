@@ -16,7 +16,6 @@ import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
 from truing.diagnose.data import SetData, set_data
-from truing.diagnose.engine import resolution_floor
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.noise import Noise, estimate_noise
 from truing.diagnose.problem import Problem, base_columns, lagged_rows
@@ -91,7 +90,8 @@ class Bench:
     def _noise(self) -> Noise:
         """The noise that the recordings have, from the truth."""
         residual = self.real.speed_mps - self.clean.speed_mps
-        floor = np.full(2, resolution_floor(self.real))
+        # Rounding to whole counts gives a differenced speed sqrt(1/6) of a count per row.
+        floor = np.full(2, max(0.4 * self.real.resolution_mps, 1e-5 * self.real.top_mps))
         return estimate_noise(residual, self.counted, lagged_rows(self.real), floor)
 
     def _problem(self, data: SetData) -> Problem:

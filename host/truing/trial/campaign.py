@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from truing.diagnose.result import Diagnosis
 
 MOST_MORE_RUNS = 2
+Run = Callable[[Task, Path], Score]
 
 
 def run_campaign(
@@ -36,6 +37,7 @@ def run_campaign(
     block: Block = "main",
     minutes: float | None = None,
     table: Path | None = None,
+    run: Run | None = None,
 ) -> list[Score]:
     """Run the trials that `folder` does not hold yet, and write results.json and results.md there.
 
@@ -44,6 +46,7 @@ def run_campaign(
     jobs : processes; all cores where None.
     minutes : no trial begins after so many minutes.
     table : the page goes here too.
+    run : another way to run a trial than the product's.
     """
     folder.mkdir(parents=True, exist_ok=True)
     store = folder / "trials.jsonl"
@@ -59,7 +62,7 @@ def run_campaign(
         while todo or running:
             late = minutes is not None and time.monotonic() - began > 60.0 * minutes
             while todo and not late and len(running) < workers:
-                running[pool.submit(run_one, todo[0], folder)] = todo[0]
+                running[pool.submit(run or run_one, todo[0], folder)] = todo[0]
                 todo.pop(0)
             if not running:
                 break

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from truing.trial.measure import HARM
-from truing.trial.score import Score
+from truing.trial.score import HARM, Score
 
 # Two explanations whose predictions differ by this whitened norm are told apart nearly always.
 SEPARABLE = 4.0

@@ -26,8 +26,6 @@ FloatArray = npt.NDArray[np.float64]
 _RIVALS = 3
 # A true structure that lowers the error by less than this share leaves no gap to close.
 _LEAST_GAP = 0.02
-# A model that is worse than the baseline by more than this share does harm.
-HARM = 1.01
 SPEED_SIGNALS = ("vel_left_mps", "vel_right_mps")
 POSE_SIGNALS = ("truth_x_m", "truth_y_m", "truth_theta_rad")
 

@@ -13,6 +13,8 @@ MOST_AMBIGUOUS = 3
 IN_CATALOGUE = ("one", "two")
 # A place is right when the spans hold this much of the effect's energy, and are this much of it.
 PLACE_RIGHT = 0.5
+# A model that is worse than the baseline by more than this share does harm.
+HARM = 1.01
 
 
 @dataclass(frozen=True)
