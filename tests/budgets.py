@@ -1,0 +1,247 @@
+"""What the image takes of the chip, each figure beside its limit and beside the committed table.
+
+``budgets.py`` fails when a limit is passed, or when ``firmware/BUDGETS.md`` is not what is measured: a change
+shows its cost. ``budgets.py --update`` writes the table.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from elftools.elf.elffile import ELFFile
+
+import stack_depth
+from support.busy_board import LOG_RATE_HZ, SYSTICK, Costs, measure
+
+ROOT = Path(__file__).resolve().parents[1]
+BUILD = ROOT / "build" / "stm32f405"
+IMAGE = BUILD / "firmware" / "truing-f405.elf"
+CHIP = ROOT / "firmware" / "stm32f405"
+TABLE = ROOT / "firmware" / "BUDGETS.md"
+DIGITS = 3
+
+SECTOR_0, SECTORS_3_4 = 16 * 1024, 80 * 1024
+SRAM, CCM = 128 * 1024, 64 * 1024
+MEMORIES = {"flash": (0x08000000, 1 << 20), "SRAM": (0x20000000, SRAM), "CCM": (0x10000000, CCM)}
+CODE_START = 0x0800C000
+TICK_US = 1000
+
+
+@dataclass(frozen=True)
+class Budget:
+    """One figure; `limit` None: it is there to be compared with the table only."""
+
+    name: str
+    value: float
+    unit: str
+    limit: float | None
+    why: str
+
+
+def rounded(value: float) -> float:
+    """To the digits of the table: what is lost is no change worth a line."""
+    return float(f"{value:.{DIGITS}g}")
+
+
+def exact(value: float) -> str:
+    return f"{value:,.10g}".replace(",", " ")
+
+
+def text(value: float) -> str:
+    return exact(rounded(value))
+
+
+def memory(image: Path) -> list[Budget]:
+    used = dict.fromkeys(("vectors", "code", "SRAM", "CCM"), 0)
+    with image.open("rb") as file:
+        elf = ELFFile(file)
+        for segment in elf.iter_segments("PT_LOAD"):
+            where = "code" if segment["p_paddr"] >= CODE_START else "vectors"
+            used[where] += segment["p_filesz"]
+        for section in elf.iter_sections():
+            for name in ("SRAM", "CCM"):
+                start, size = MEMORIES[name]
+                if section["sh_flags"] & 2 and 0 <= section["sh_addr"] - start < size:
+                    used[name] += section["sh_size"]
+    return [
+        Budget("flash, sector 0", used["vectors"], "B", SECTOR_0, "the sector; parameters follow"),
+        Budget("flash, code and constants", used["code"], "B", SECTORS_3_4, "sectors 3 and 4: two erases"),
+        Budget("SRAM", used["SRAM"], "B", SRAM, "what there is"),
+        Budget("CCM", used["CCM"], "B", CCM, "what there is"),
+    ]
+
+
+def stack(seen: int) -> list[Budget]:
+    image = stack_depth.Image(IMAGE, BUILD)
+    worst = stack_depth.worst(image, CHIP)
+    reserved = image.values["__stack_top"] - image.values["__stack_limit"]
+    below = worst.size - sum(level.size for level in worst.levels)
+    print("deepest stack, by call graph:")
+    for level in worst.levels:
+        print(f"  {level.size:5} B  {' > '.join(level.path)}")
+    print(
+        f"  {below:5} B  registers that {len(worst.levels) - 1} nested exceptions stack, FP context included"
+    )
+    names = {"Reset_Handler": "main loop", "SysTick_Handler": "control tick and its level"}
+    return [
+        *(
+            Budget(f"stack, {names[level.path[0]]}", level.size, "B", None, "")
+            for level in worst.levels
+            if level.path[0] in names
+        ),
+        Budget("stack, all nested", worst.size, "B", reserved / 2, f"half of the {reserved} B reserved"),
+        Budget("stack, deepest seen", seen, "B", worst.size, "the call graph's answer"),
+    ]
+
+
+@dataclass(frozen=True)
+class Allowance:
+    """Instructions that a handler may take, and why no more."""
+
+    name: str
+    instructions: int
+    why: str
+
+
+HANDLERS = {
+    "SysTick_Handler": Allowance("control tick", 10_000, "a tenth of the tick, at 1.7 cycles each"),
+    "USART3_Handler": Allowance("serial port", 300, "3 us of a byte's 10.8, at 1.7 cycles each"),
+    "EXTI4_Handler": Allowance("edge, EXTI4", 100, "1 us, at 1.7 cycles each"),
+    "EXTI9_5_Handler": Allowance("edge, EXTI9_5", 100, "1 us, at 1.7 cycles each"),
+}
+FIRST_INTERRUPT = 16
+
+
+def times(costs: Costs) -> list[Budget]:
+    image = stack_depth.Image(IMAGE, BUILD)
+    per_us = costs.core_hz / 1e6
+    rows: list[Budget] = []
+    for number, handler in sorted(image.vectors().items()):
+        if handler in stack_depth.FAULTS or handler == "Reset_Handler":
+            continue
+        allowed = HANDLERS.get(handler)
+        if allowed is None:
+            sys.exit(f"{handler} has no allowance; tests/budgets.py gives it one")
+        cost = costs.handlers.get(number)
+        if cost is None:
+            sys.exit(f"{handler} never ran; tests/support/busy_board.py must make it")
+        rows += [
+            Budget(
+                f"{allowed.name}, worst",
+                cost.worst_instructions,
+                "instructions",
+                allowed.instructions,
+                allowed.why,
+            ),
+            Budget(f"{allowed.name}, worst", cost.worst_cycles / per_us, "us", None, ""),
+        ]
+        if handler == "SysTick_Handler":
+            mean = cost.instructions / cost.activations
+            rows.append(Budget(f"{allowed.name}, mean", mean, "instructions", None, ""))
+    return rows
+
+
+def loads(costs: Costs) -> list[Budget]:
+    return [
+        Budget("load, ticks at rest", 100 * costs.resting.ticks, "%", 10, "leaves nine tenths to the rest"),
+        Budget("load, all at rest", 100 * costs.resting.awake, "%", 20, "the core sleeps for the rest"),
+        Budget("load, ticks when driving", 100 * costs.busy.ticks, "%", 10, "leaves nine tenths to the rest"),
+        Budget(
+            "load, driving, line full both ways", 100 * costs.busy.awake, "%", 70, "a third stays in hand"
+        ),
+        Budget("power-up to bridges braked", costs.braked_after_us / 1000, "ms", 15, "until then they coast"),
+        Budget(
+            "power-up to first answer", costs.answers_after_us / 1000, "ms", 20, "a host may connect at once"
+        ),
+    ]
+
+
+HEADER = f"""# Budgets
+
+Generated and checked by `tests/budgets.py` (part of `./run test`), arm-none-eabi-gcc 12.2 at `-O2`: it fails
+when a limit is passed, and when this table is not what it measures, rounded to {DIGITS} digits. After a change
+that is worth its cost: `./run setup && .venv/bin/python tests/budgets.py --update`; the commit then shows it.
+
+- **Stack**: call graph of the linked image (`tests/stack_depth.py`), with no recursion in it; the main loop at
+  its deepest is interrupted by one handler of each priority, each at its own deepest, up to the fault handler;
+  {stack_depth.EXCEPTION_FRAME} B of registers, FP context included, go with each.
+- **Instructions**: most that one run of a handler took on the virtual board, those of handlers that interrupted
+  it not counted: a log at {{rate}} Hz, both wheels driven in both modes, both directions of the line full, then a
+  fault that stops.
+- **Times and loads**: at 168 MHz, with the virtual board's cycles (`hil_sim/README.md`: one an instruction;
+  loads, stores and branches more; no flash wait states; {{cpi:.2f}} cycles an instruction over the control
+  ticks). Good to tens of per cent; a chip is yet to say.
+
+| what | measured | unit | limit | share | limit, because |
+| --- | --- | --- | --- | --- | --- |
+"""
+ROW = re.compile(r"^\| (.+?) \| ([\d. ]+) \| (\S+) \| ", re.MULTILINE)
+
+
+def table(budgets: list[Budget], costs: Costs) -> str:
+    tick = costs.handlers[SYSTICK]
+    lines = [HEADER.format(rate=LOG_RATE_HZ, cpi=tick.cycles / tick.instructions)]
+    for b in budgets:
+        limit = "" if b.limit is None else exact(b.limit)
+        share = "" if b.limit is None else f"{100 * b.value / b.limit:.0f} %"
+        lines.append(f"| {b.name} | {text(b.value)} | {b.unit} | {limit} | {share} | {b.why} |\n")
+    return "".join(lines)
+
+
+def read(path: Path) -> dict[tuple[str, str], float]:
+    if not path.is_file():
+        return {}
+    return {
+        (name, unit): float(value.replace(" ", "")) for name, value, unit in ROW.findall(path.read_text())
+    }
+
+
+def compare(budgets: list[Budget], committed: dict[tuple[str, str], float]) -> tuple[list[str], list[str]]:
+    """What has changed against the table, and which limits are passed, a line each."""
+    changes, passed = [], []
+    for b in budgets:
+        before = committed.pop((b.name, b.unit), None)
+        now = rounded(b.value)
+        if before is None:
+            changes.append(f"{b.name}: {text(now)} {b.unit}, new")
+        elif before != now:
+            change = f"{100 * (now - before) / before:+.1f} %" if before else "from nothing"
+            changes.append(f"{b.name}: {text(before)} -> {text(now)} {b.unit}, {change}")
+        if b.limit is not None and b.value > b.limit:
+            passed.append(f"{b.name}: {text(b.value)} {b.unit}, limit {exact(b.limit)} ({b.why})")
+    changes += [
+        f"{name}: {text(value)} {unit}, measured no more" for (name, unit), value in committed.items()
+    ]
+    return changes, passed
+
+
+def main() -> int:
+    try:
+        costs = measure(IMAGE)
+        budgets = [*memory(IMAGE), *stack(costs.stack), *times(costs), *loads(costs)]
+    except stack_depth.StackError as error:
+        sys.exit(f"the stack cannot be judged: {error}")
+    for b in budgets:
+        limit = "" if b.limit is None else f"of {exact(b.limit):>8} {100 * b.value / b.limit:5.1f} %"
+        print(f"{b.name:36} {text(b.value):>8} {b.unit:12} {limit}".rstrip())
+    changes, passed = compare(budgets, read(TABLE))
+    if "--update" in sys.argv:
+        TABLE.write_text(table(budgets, costs))
+    for line in changes:
+        print(f"changed: {line}")
+    for line in passed:
+        print(f"LIMIT PASSED: {line}")
+    if changes and "--update" not in sys.argv:
+        print(
+            "firmware/BUDGETS.md is not what is measured; when the change is worth its cost: "
+            ".venv/bin/python tests/budgets.py --update"
+        )
+        return 1
+    return int(bool(passed))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
