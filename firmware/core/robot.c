@@ -71,7 +71,7 @@ static void sense(struct robot *robot)
         robot->view.speed_mps[wheel] = wheel_speed_window_mps(&robot->wheels[wheel], metres);
         robot->view.still[wheel] = wheel_speed_is_still(&robot->wheels[wheel]);
         wheel_watch_step(&robot->watches[wheel], &robot->tuning, wheel, robot->counts[wheel],
-                         robot->drive.applied_e4[wheel]);
+                         robot->drive.applied_e4, robot->speed[wheel].mps);
         robot->view.lost[wheel] = robot->watches[wheel].lost;
         robot->view.reversed[wheel] = robot->watches[wheel].reversed;
         robot->view.stalled[wheel] = robot->watches[wheel].stalled;

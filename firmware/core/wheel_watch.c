@@ -13,6 +13,19 @@ static const float borne_effort = 0.1f;
 static const float least_effort = 0.05f;
 /* The speed that a wheel may reach against its effort before it is called reversed, m/s. */
 static const float free_speed_mps = 0.07f;
+/* A wheel stands below this; it is a fifth of a count a tick on the paper's robot. */
+static const float standing_mps = 0.03f;
+/* Share of the other wheel's effort that the chassis may turn against this one: (1 - q) / (1 + q), with
+ * q = yaw inertia / (mass * half wheelbase^2). 0.25 for the paper's robot; this is for a robot of q = 0.43,
+ * whose mass sits closer to its middle than that of a full disc (0.5). */
+static const float chassis_share = 0.4f;
+
+/* What acts on a wheel. */
+struct wheel_push {
+    float effort;
+    float other_effort; /* the other wheel's, which the chassis carries over */
+    float speed_mps;    /* as velocity mode knows it: no more than the counts that did not come allow */
+};
 
 void wheel_watch_init(struct wheel_watch *watch, int32_t counts)
 {
@@ -106,51 +119,85 @@ static void watch_standing(struct wheel_watch *watch, const struct tuning *tunin
     watch->stalled = watch->moved && !watch->lost && watch->standing_ms >= tuning->stall_ms;
 }
 
+/* The effort took a direction: what does the motion bring along? */
+static void begin_push(struct wheel_watch *watch, int8_t pushed, float window_mps, float known_mps)
+{
+    const float seen = -(float)pushed * window_mps;
+    const float known = -(float)pushed * known_mps;
+    const float most = seen > known ? seen : known;
+    watch->pushed = pushed;
+    watch->work = 0.0f;
+    watch->against = 0;
+    watch->brought = most > 0.0f ? 1.5f * most * most : 0.0f;
+    watch->stood = most < standing_mps;
+    watch->energy = free_speed_mps * free_speed_mps + watch->brought;
+}
+
+/* A wheel that stood when it was pushed, and that nothing else pushes, has no business to turn against the
+ * push by more than it brought along. */
+static bool turns_against_push(const struct wheel_watch *watch)
+{
+    return watch->stood && watch->against > WHEEL_WATCH_DITHER_COUNTS && watch->work > watch->brought;
+}
+
+/* The first count may have been but a hair's breadth away. */
+static int32_t surely(int32_t counts)
+{
+    return counts > 1 ? counts - 1 : 0;
+}
+
 /* Counts that run against the effort. v0^2 - v^2 = 2 a s: an effort e takes at least 2 e s / (2 ka) from the
  * square of the speed, half of what the feedforward's ka says of this robot. A motion that turned round under
  * a constant effort had no speed to begin with. */
-static void watch_direction(struct wheel_watch *watch, const struct tuning *tuning, int wheel, float moved_m,
-                            float speed_mps, float effort)
+static void watch_direction(struct wheel_watch *watch, const struct tuning *tuning, int wheel, int32_t moved,
+                            int32_t window_counts, const struct wheel_push *push)
 {
-    const float allowance = free_speed_mps * free_speed_mps;
-    const int8_t pushed = direction(effort, borne_effort);
+    const float window_s = 0.001f * (float)WHEEL_WATCH_HISTORY_MS;
+    const float speed_mps = (float)window_counts * tuning->metres_per_count / window_s;
+    const int8_t pushed = direction(push->effort, borne_effort);
     const float along_mps = (float)pushed * speed_mps;
-    const float along_m = (float)pushed * moved_m;
+    const int32_t along = (int32_t)pushed * within(moved);
     if (pushed != watch->pushed) {
-        watch->pushed = pushed;
+        begin_push(watch, pushed, speed_mps, push->speed_mps);
+    } else if (along_mps > 0.0f && along > 0) {
         watch->work = 0.0f;
-        watch->energy = allowance;
-        if (along_mps < 0.0f) {
-            watch->energy += 1.5f * speed_mps * speed_mps;
-        }
-    } else if (along_mps > 0.0f && along_m > 0.0f) {
-        watch->work = 0.0f;
-        watch->energy = allowance;
+        watch->against = 0;
+        watch->energy = free_speed_mps * free_speed_mps;
+        watch->stood = false;
     }
-    const float surplus = (float)pushed * effort - borne_effort;
-    watch->work -= surplus * along_m / tuning->watch_ka[wheel];
+    const float surplus = (float)pushed * push->effort - borne_effort;
+    const float other = push->other_effort < 0.0f ? -push->other_effort : push->other_effort;
+    if (surplus < chassis_share * other) {
+        watch->stood = false;
+    }
+    const int32_t before = surely(watch->against);
+    watch->against = within(watch->against - along);
+    const float back_m = (float)(surely(watch->against) - before) * tuning->metres_per_count;
+    watch->work += surplus * back_m / tuning->watch_ka[wheel];
     if (watch->work < 0.0f) {
         watch->work = 0.0f;
     }
     /* Faster than any wheel is another fault's business. */
     const bool believed = along_mps > -tuning->encoder_speed_max_mps;
-    watch->reversed = pushed != 0 && believed && watch->work > watch->energy;
+    watch->reversed = pushed != 0 && believed && (watch->work > watch->energy || turns_against_push(watch));
 }
 
 void wheel_watch_step(struct wheel_watch *watch, const struct tuning *tuning, int wheel, int32_t counts,
-                      int16_t effort_e4)
+                      const int16_t effort_e4[HAL_WHEELS], float speed_mps)
 {
-    const float effort = (float)effort_e4 * effort_per_e4;
+    const struct wheel_push push = {
+        .effort = (float)effort_e4[wheel] * effort_per_e4,
+        .other_effort = (float)effort_e4[1 - wheel] * effort_per_e4,
+        .speed_mps = speed_mps,
+    };
     const int32_t last = history_ago(watch, 1);
     const int32_t oldest = watch->history[watch->next];
     const int32_t between = history_ago(watch, WHEEL_WATCH_RECENT_MS);
-    const float window_s = 0.001f * (float)WHEEL_WATCH_HISTORY_MS;
-    const float speed_mps = (float)wrapped_difference(counts, oldest) * tuning->metres_per_count / window_s;
-    const float moved_m = (float)wrapped_difference(counts, last) * tuning->metres_per_count;
 
     watch_standing(watch, tuning, counts, wrapped_difference(counts, between),
-                   wrapped_difference(between, oldest), effort);
-    watch_direction(watch, tuning, wheel, moved_m, speed_mps, effort);
+                   wrapped_difference(between, oldest), push.effort);
+    watch_direction(watch, tuning, wheel, wrapped_difference(counts, last),
+                    wrapped_difference(counts, oldest), &push);
     watch->history[watch->next] = counts;
     watch->next = (uint8_t)((watch->next + 1u) % WHEEL_WATCH_HISTORY_MS);
 }

@@ -9,6 +9,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "hal.h"
 #include "tuning.h"
 
 enum {
@@ -39,16 +40,20 @@ struct wheel_watch {
     bool moved;           /* since the effort took its direction */
     int8_t broken_off;    /* direction of a motion that ended within RECENT_MS; 0: it did not */
     int8_t pushed;        /* direction of the effort that bears on `work` */
+    bool stood;           /* when that effort began, and has not moved along it since */
+    int32_t against;      /* counts against that effort since it began, or since the last along it */
     float work;           /* done against the motion, as the square of the speed it takes away, (m/s)^2 */
-    float energy;         /* what the motion had to give, in the same unit */
+    float brought;        /* what the motion had to give when the effort began, in the same unit */
+    float energy;         /* that, and what else may push the wheel */
     bool lost, stalled, reversed;
 };
 
 /* A wheel that has always stood at `counts`. */
 void wheel_watch_init(struct wheel_watch *watch, int32_t counts);
 
-/* One tick: counts of this tick, and the effort that has been applied up to now, both forward positive. */
+/* One tick: counts and speed of this tick, and the efforts of both wheels that have been applied up to now,
+ * forward positive. */
 void wheel_watch_step(struct wheel_watch *watch, const struct tuning *tuning, int wheel, int32_t counts,
-                      int16_t effort_e4);
+                      const int16_t effort_e4[HAL_WHEELS], float speed_mps);
 
 #endif
