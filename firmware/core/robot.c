@@ -8,6 +8,10 @@
 #include "robot_parameters.h"
 #include "rounding.h"
 
+/* From one tick's sample to the next, microseconds: more than any interrupt delays a tick by, less than two.
+ */
+enum { LATE_US = 1500 };
+
 void robot_init(struct robot *robot, uint32_t boot_faults)
 {
     hal_sense(&robot->sample);
@@ -29,7 +33,7 @@ void robot_init(struct robot *robot, uint32_t boot_faults)
         .battery_valid = robot->sample.battery_valid,
     };
     robot->now_ms = 0;
-    robot->speeds_stale = false;
+    robot->speeds_stale = true; /* how long ago this sample was taken, nobody knows */
     log_init(&robot->log);
 }
 
@@ -46,6 +50,9 @@ static void sense(struct robot *robot)
     const struct hal_sample before = robot->sample;
     int32_t moved[HAL_WHEELS];
     hal_sense(&robot->sample);
+    if (!robot->speeds_stale && robot->sample.now_us - before.now_us > LATE_US) {
+        robot->supervisor.overrun = true; /* whatever held this tick off, the one before it never came */
+    }
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
         const int32_t now = robot->sample.counts[wheel];
         const int32_t then = before.counts[wheel];

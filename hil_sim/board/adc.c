@@ -79,12 +79,18 @@ static void start(struct board *b, int adc)
     struct adc *a = &b->adc[adc];
     a->busy = true;
     a->sr |= STRT;
+    if (b->adc_dead) {
+        return;
+    }
     event_at_cycle(b, EVENT_ADC0 + (unsigned)adc - 1, b->moment + conversion_cycles(b, a));
 }
 
 void adc_event(struct board *b, int adc)
 {
     struct adc *a = &b->adc[adc];
+    if (b->adc_dead) {
+        return;
+    }
     a->busy = false;
     bool watched = (a->cr2 & EOCS) != 0;
     if (watched && (a->sr & EOC) != 0) {
@@ -104,6 +110,18 @@ void adc_event(struct board *b, int adc)
         start(b, adc);
     }
     update_line(b);
+}
+
+/* A conversion that was under way when it died takes its whole time once it lives again. */
+void adc_set_dead(struct board *b, bool dead)
+{
+    const bool revives = b->adc_dead && !dead;
+    b->adc_dead = dead;
+    for (int i = 1; i <= ADCS && revives; i++) {
+        if (b->adc[i].busy) {
+            start(b, i);
+        }
+    }
 }
 
 void adc_reset(struct board *b)

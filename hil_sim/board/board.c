@@ -181,6 +181,18 @@ void board_set_flash_slow(struct board *board, bool slow)
     board->flash_slow = slow;
 }
 
+void board_set_adc_dead(struct board *board, bool dead)
+{
+    adc_set_dead(board, dead);
+}
+
+void board_set_interrupt_stuck(struct board *board, unsigned irq, bool stuck)
+{
+    if (EXC_IRQ0 + irq < BOARD_EXCEPTIONS) {
+        nvic_set_stuck(board, irq, stuck);
+    }
+}
+
 void board_cut_power_at_flash_write(struct board *board, int64_t operations)
 {
     board->flash_cut_after = operations;

@@ -75,6 +75,10 @@ void board_reset(struct board *board, enum board_reset cause);
 void board_set_crystal(struct board *board, bool alive);
 /* Flash takes the longest times of the datasheet instead of the typical ones. */
 void board_set_flash_slow(struct board *board, bool slow);
+/* From now on no conversion of any ADC ends. */
+void board_set_adc_dead(struct board *board, bool dead);
+/* An interrupt's request line is stuck: its handler is called again as soon as it has returned. */
+void board_set_interrupt_stuck(struct board *board, unsigned irq, bool stuck);
 /* The flash operation after this many more stops half way, at a point drawn by the seed, and the board loses
    power; negative: never. Power that fails, or a reset that comes, at any other time tears the operation
    under way by the share of its time gone by. Torn means: each bit that was to change has or has not, by a

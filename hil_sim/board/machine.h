@@ -275,6 +275,8 @@ struct board {
     uint64_t rng_state;
     bool crystal_alive;
     bool flash_slow;
+    bool adc_dead;
+    uint32_t stuck[4]; /* request lines that are high whatever their peripherals say, over exception numbers */
     int64_t flash_cut_after;
     uint64_t tear_state;
     uint64_t cut_at_instruction; /* NEVER: not armed */
@@ -341,6 +343,7 @@ void blocks_forget(struct board *b, uint32_t first, uint32_t length);
 
 /* nvic.c, scb.c, systick.c */
 void nvic_pend(struct board *b, unsigned exception, bool pending);
+void nvic_set_stuck(struct board *b, unsigned irq, bool stuck);
 void nvic_set_line(struct board *b, unsigned irq, bool high);
 void nvic_set_active(struct board *b, unsigned exception, bool active);
 bool nvic_bit(const uint32_t map[4], unsigned exception);
@@ -398,6 +401,7 @@ void can_reset(struct board *b);
 void can_event(struct board *b);
 void can_join_event(struct board *b);
 bool adc_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
+void adc_set_dead(struct board *b, bool dead);
 void adc_reset(struct board *b);
 void adc_event(struct board *b, int adc);
 bool iwdg_access(struct board *b, uint32_t offset, bool write, uint32_t *value);

@@ -72,6 +72,11 @@ static void refresh_active(struct board *b)
     }
 }
 
+static bool is_asked_for(const struct board *b, unsigned exception)
+{
+    return nvic_bit(b->nvic.line, exception) || nvic_bit(b->stuck, exception);
+}
+
 void nvic_pend(struct board *b, unsigned exception, bool pending)
 {
     set_bit(b->nvic.pending, exception, pending);
@@ -81,7 +86,7 @@ void nvic_pend(struct board *b, unsigned exception, bool pending)
 void nvic_set_active(struct board *b, unsigned exception, bool active)
 {
     set_bit(b->nvic.active, exception, active);
-    if (!active && nvic_bit(b->nvic.line, exception)) {
+    if (!active && is_asked_for(b, exception)) {
         set_bit(b->nvic.pending, exception, true); /* the peripheral still asks */
     }
     refresh_active(b);
@@ -97,6 +102,15 @@ void nvic_set_line(struct board *b, unsigned irq, bool high)
     }
     set_bit(b->nvic.line, exception, high);
     if (high) {
+        nvic_pend(b, exception, true);
+    }
+}
+
+void nvic_set_stuck(struct board *b, unsigned irq, bool stuck)
+{
+    unsigned exception = EXC_IRQ0 + irq;
+    set_bit(b->stuck, exception, stuck);
+    if (stuck) {
         nvic_pend(b, exception, true);
     }
 }
@@ -135,7 +149,7 @@ static void change(struct board *b, uint32_t map[4], uint32_t word, uint32_t bit
         unsigned exception = EXC_IRQ0 + word * 32 + (unsigned)__builtin_ctz(bits);
         if (exception < BOARD_EXCEPTIONS) {
             /* A request that its peripheral still makes cannot be cleared here. */
-            bool holds = map == b->nvic.pending && !on && nvic_bit(b->nvic.line, exception);
+            bool holds = map == b->nvic.pending && !on && is_asked_for(b, exception);
             set_bit(map, exception, on || holds);
         }
     }

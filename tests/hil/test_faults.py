@@ -87,6 +87,7 @@ FAST = Drive(tp.SegmentKind.VELOCITY, 0.60, 0.60)
 PUSH = Drive(tp.SegmentKind.EFFORT, 0.40, 0.40)
 FROM_REST = Drive(tp.SegmentKind.VELOCITY, 0.35, 0.35, after_s=0.0)
 PUSH_FROM_REST = Drive(tp.SegmentKind.EFFORT, 0.40, 0.40, after_s=0.0)
+GENTLE_PUSH = Drive(tp.SegmentKind.EFFORT, 0.20, 0.20, after_s=0.0)
 
 
 def fault(wheel: int, kind: EncoderFault) -> Callable[[VirtualRobot], None]:
@@ -107,9 +108,11 @@ PROVOKED = [
     ("encoder_right_reversed", "reversed at 0.60 m/s", FAST, fault(RIGHT, REVERSED), 50),
     ("encoder_right_reversed", "reversed at 0.10 m/s", CRAWL, fault(RIGHT, REVERSED), 50),
     ("encoder_left_reversed", "reversed from the start", FROM_REST, fault(LEFT, REVERSED), 50),
-    ("encoder_right_reversed", "reversed, effort, from rest", PUSH_FROM_REST, fault(RIGHT, REVERSED), 100),
+    ("encoder_right_reversed", "reversed, effort, from rest", PUSH_FROM_REST, fault(RIGHT, REVERSED), 50),
+    ("encoder_left_reversed", "reversed, 20 % effort, from rest", GENTLE_PUSH, fault(LEFT, REVERSED), 50),
     ("wheel_left_stalled", "held at 0.35 m/s", CRUISE, lambda r: r.hold_wheel(LEFT, 3.0), 550),
     ("wheel_right_stalled", "held at 40 % effort", PUSH, lambda r: r.hold_wheel(RIGHT, 3.0), 550),
+    ("battery_unread", "converter dead", CRUISE, lambda r: r.set_adc_dead(True), 110),
     ("battery_low", "sense wire off", CRUISE, lambda r: r.set_battery_sense_connected(False), 300),
     ("battery_low", "supply at 8.5 V", CRUISE, lambda r: r.set_bench_voltage(8.5), 300),
 ]
@@ -144,6 +147,7 @@ def test_a_fault_that_is_provoked_stops_the_wheels_in_time_and_is_named(
     robot.hold_wheel(LEFT, 0.0)
     robot.hold_wheel(RIGHT, 0.0)
     robot.set_battery_sense_connected(True)
+    robot.set_adc_dead(False)
     robot.set_bench_voltage(None)
     robot.run_us(800_000)
     clear_and_drive(device)
@@ -159,6 +163,49 @@ def test_a_supply_that_makes_the_wheels_too_fast_stops_them(image: Path, native_
         print(f"overspeed: stopped at {speed:.2f} m/s")
         assert latched(device) == {"overspeed"}
         assert speed < 2.3
+
+
+EXTI4 = 10
+
+
+@pytest.mark.parametrize("begins_us", range(0, 1000, 100))
+def test_a_tick_that_is_lost_to_a_storm_of_interrupts_stops_the_wheels(
+    robot: VirtualRobot, begins_us: int
+) -> None:
+    device = host(robot)
+    start(device, tp.SegmentKind.EFFORT, 0.3, 0.3)
+    robot.run_us(500_000 + begins_us)
+    robot.set_interrupt_stuck(EXTI4, True)
+    robot.run_us(300)
+    robot.set_interrupt_stuck(EXTI4, False)
+    robot.run_us(5000)
+    assert latched(device) == set()  # a tick that is late, but comes
+    robot.set_interrupt_stuck(EXTI4, True)
+    robot.run_us(2000)
+    robot.set_interrupt_stuck(EXTI4, False)
+    took_ms = until_braked(robot)
+    robot.run_us(1000)
+    assert took_ms <= 2.0
+    assert latched(device) == {"loop_overrun"}
+    clear_and_drive(device)
+
+
+UNEVEN = [(own, other) for own in (0.12, 0.15, 0.2, 0.3) for other in (-1.0, -0.4, 0.0, 0.5, 1.0)]
+
+
+@pytest.mark.parametrize("yaw_share", [0.43, 0.6, 1.0])
+def test_a_wheel_that_the_other_one_turns_back_from_rest_trips_nothing(
+    image: Path, native_library: Path, yaw_share: float
+) -> None:
+    """`yaw_share`: yaw inertia over mass times half the wheelbase squared; 0.5 for a full disc."""
+    inertia = yaw_share * 5.0 * (0.283 / 2) ** 2
+    kind = RobotParameters.msrp().changed(chassis__mass_kg=5.0, chassis__yaw_inertia_kgm2=inertia)
+    for own, other in UNEVEN:
+        with VirtualRobot(image, robot=kind) as robot:
+            device = host(robot)
+            start(device, tp.SegmentKind.EFFORT, own, other)
+            robot.run_us(1_000_000)
+            assert latched(device) == set(), (own, other)
 
 
 def test_a_silent_host_stops_the_wheels(robot: VirtualRobot) -> None:

@@ -96,6 +96,8 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "can_bus_short": (None, [_P, _BOOL]),
     "can_bus_damage": (None, [_P, _U64]),
     "can_bus_totals": (None, [_P, _P]),
+    "board_set_adc_dead": (None, [_P, _BOOL]),
+    "board_set_interrupt_stuck": (None, [_P, ctypes.c_uint, _BOOL]),
     "board_cut_power_at_flash_write": (None, [_P, _I64]),
     "board_cut_power_at_instruction": (None, [_P, _I64]),
     "board_read_memory": (_BOOL, [_P, _U32, _P, _SIZE]),

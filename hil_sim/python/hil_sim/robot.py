@@ -378,6 +378,14 @@ class VirtualRobot:
         """Let flash take the longest times of the datasheet instead of the typical ones."""
         self._library.board_set_flash_slow(self._board, slow)
 
+    def set_adc_dead(self, dead: bool) -> None:
+        """Let no conversion of an ADC end any more, or again."""
+        self._library.board_set_adc_dead(self._board, dead)
+
+    def set_interrupt_stuck(self, irq: int, stuck: bool) -> None:
+        """Hold an interrupt's request line high: its handler is called again as soon as it has returned."""
+        self._library.board_set_interrupt_stuck(self._board, irq, stuck)
+
     def cut_power_at_flash_write(self, operations: int | None) -> None:
         """Fail the supply in the middle of a flash erase or programming, after this many whole ones.
 
