@@ -165,15 +165,15 @@ Generated and checked by `tests/budgets.py` (part of `./run test`), arm-none-eab
 when a limit is passed, and when this table is not what it measures, rounded to {DIGITS} digits. After a change
 that is worth its cost: `./run setup && .venv/bin/python tests/budgets.py --update`; the commit then shows it.
 
-- **Stack**: call graph of the linked image (`tests/stack_depth.py`), with no recursion in it; the main loop at
-  its deepest is interrupted by one handler of each priority, each at its own deepest, up to the fault handler;
+- **Stack**: call graph of the linked image (`tests/stack_depth.py`), with no recursion in it; the main loop at its
+  deepest is interrupted by one handler of each priority, each at its own deepest, up to the fault handler;
   {stack_depth.EXCEPTION_FRAME} B of registers, FP context included, go with each.
-- **Instructions**: most that one run of a handler took on the virtual board, those of handlers that interrupted
-  it not counted: a log at {{rate}} Hz, both wheels driven in both modes, both directions of the line full, then a
-  fault that stops.
+- **Instructions**: most that one run of a handler took on the virtual board, those of handlers that
+  interrupted it not counted: a log at {{rate}} Hz, both wheels driven in both modes, both directions of the
+  line full, then a fault that stops.
 - **Times and loads**: at 168 MHz, with the virtual board's cycles (`hil_sim/README.md`: one an instruction;
-  loads, stores and branches more; no flash wait states; {{cpi:.2f}} cycles an instruction over the control
-  ticks). Good to tens of per cent; a chip is yet to say.
+  loads, stores and branches more; no flash wait states; {{cpi:.2f}} cycles an instruction over the ticks).
+  Good to tens of per cent; a chip is yet to say.
 
 | what | measured | unit | limit | share | limit, because |
 | --- | --- | --- | --- | --- | --- |

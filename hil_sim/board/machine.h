@@ -276,7 +276,8 @@ struct board {
     bool crystal_alive;
     bool flash_slow;
     bool adc_dead;
-    uint32_t stuck[4]; /* request lines that are high whatever their peripherals say, over exception numbers */
+    uint32_t
+        stuck[4]; /* request lines that are high whatever their peripherals say, over exception numbers */
     int64_t flash_cut_after;
     uint64_t tear_state;
     uint64_t cut_at_instruction; /* NEVER: not armed */
