@@ -162,11 +162,13 @@ def loads(costs: Costs) -> list[Budget]:
 HEADER = f"""# Budgets
 
 Generated and checked by `tests/budgets.py` (part of `./run test`), arm-none-eabi-gcc 12.2 at `-O2`: it fails
-when a limit is passed, and when this table is not what it measures, rounded to {DIGITS} digits. After a change
-that is worth its cost: `./run setup && .venv/bin/python tests/budgets.py --update`; the commit then shows it.
+when a limit is passed, and when this table is not what it measures, rounded to {DIGITS} digits. After a
+change that is worth its cost: `./run setup && .venv/bin/python tests/budgets.py --update`; the commit then
+shows it.
 
-- **Stack**: call graph of the linked image (`tests/stack_depth.py`), with no recursion in it; the main loop at its
-  deepest is interrupted by one handler of each priority, each at its own deepest, up to the fault handler;
+- **Stack**: call graph of the linked image (`tests/stack_depth.py`), with no recursion in it; the main loop
+  at its deepest is interrupted by one handler of each priority, each at its own deepest, up to the fault
+  handler;
   {stack_depth.EXCEPTION_FRAME} B of registers, FP context included, go with each.
 - **Instructions**: most that one run of a handler took on the virtual board, those of handlers that
   interrupted it not counted: a log at {{rate}} Hz, both wheels driven in both modes, both directions of the

@@ -137,8 +137,13 @@ def _turn_by_motor(device: Device, side: int, limit: float, enough: float) -> Mo
             raise
     finally:
         device.stop()
-    moved = _moved(before, device.status().counts)
-    channel = _dominant(moved, enough) if channel is None else channel
+    status = device.status()
+    moved = _moved(before, status.counts)
+    if f"encoder_{SIDES[side]}_reversed" in {fault.name for fault in status.latched}:
+        # The board stops a wheel that turns against its effort after fewer counts than a finding takes.
+        channel = side
+    elif channel is None:
+        channel = _dominant(moved, enough)
     device.client.stream.sleep(_SETTLE_S)
     if device.status().state == State.STOPPED:
         device.clear_faults()

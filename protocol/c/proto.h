@@ -627,7 +627,7 @@ enum proto_fault {
     PROTO_FAULT_BATTERY_UNREAD = 1u << 2, /* the supply voltage could not be measured for 100 ms */
     PROTO_FAULT_BATTERY_LOW = 1u << 3, /* the supply stayed below battery_low_v */
     PROTO_FAULT_HOST_SILENT = 1u << 4, /* no valid command came within command_timeout_s while the host drove the wheels */
-    PROTO_FAULT_LOOP_OVERRUN = 1u << 5, /* a control tick started before the one before had ended */
+    PROTO_FAULT_LOOP_OVERRUN = 1u << 5, /* a control tick was lost: one began more than 1.5 ms after the one before, or was due before that had ended */
     PROTO_FAULT_CLOCK_FALLBACK = 1u << 6, /* the crystal did not start; the core runs from its internal oscillator (1 % clock error, baud rate included) */
     PROTO_FAULT_PARAMETER_STORE_DAMAGED = 1u << 7, /* the stored parameters cannot all be read: those in force are older ones or the defaults */
     PROTO_FAULT_ENCODER_LEFT_LOST = 1u << 8, /* the left motor was driven and its encoder counted nothing, from the start or from one moment to the next */

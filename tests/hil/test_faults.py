@@ -153,6 +153,28 @@ def test_a_fault_that_is_provoked_stops_the_wheels_in_time_and_is_named(
     clear_and_drive(device)
 
 
+@pytest.mark.parametrize("after_s", [0.0, 1.0], ids=["from rest", "rolling"])
+@pytest.mark.parametrize("speed", [0.03, 0.05, 0.10, 0.15, 0.25, 0.35, 0.60, 1.00])
+@pytest.mark.parametrize("other", [1.0, -1.0, 0.0], ids=["straight", "pivot", "one wheel"])
+def test_a_reversed_encoder_in_velocity_mode_is_caught_within_50_ms_or_at_a_crawl_within_15_mm(
+    robot: VirtualRobot, speed: float, after_s: float, other: float
+) -> None:
+    device = host(robot)
+    if after_s == 0.0:
+        robot.set_encoder_fault(LEFT, REVERSED)
+    start(device, tp.SegmentKind.VELOCITY, speed, other * speed)
+    robot.run_us(round(after_s * 1e6))
+    robot.set_encoder_fault(LEFT, REVERSED)
+    radius_m = RobotParameters.msrp().left.radius_m
+    from_rad = robot.truth().wheel_angle_rad[LEFT]
+    took_ms = until_braked(robot)
+    robot.run_us(50_000)
+    rolled_mm = 1000 * radius_m * abs(robot.truth().wheel_angle_rad[LEFT] - from_rad)
+    print(f"reversed at {speed:.2f} m/s: {took_ms:5.1f} ms, {rolled_mm:4.1f} mm until it stands")
+    assert latched(device) == {"encoder_left_reversed"}
+    assert took_ms <= 50 or (speed < 0.10 and rolled_mm <= 15)
+
+
 def test_a_supply_that_makes_the_wheels_too_fast_stops_them(image: Path, native_library: Path) -> None:
     strong = RobotParameters.msrp().changed(battery__full_v=24.0, battery__empty_v=22.0)
     with VirtualRobot(image, robot=strong) as robot:

@@ -136,7 +136,7 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
         5,
         "loop_overrun",
         True,
-        "a control tick started before the one before had ended",
+        "a control tick was lost: one began more than 1.5 ms after the one before, or was due before that had ended",
         "report this with the firmware version: the tick's time budget was passed",
     ),
     FaultInfo(
