@@ -109,6 +109,9 @@ class Allowance:
 HANDLERS = {
     "SysTick_Handler": Allowance("control tick", 10_000, "a tenth of the tick, at 1.7 cycles each"),
     "USART3_Handler": Allowance("serial port", 300, "3 us of a byte's 10.8, at 1.7 cycles each"),
+    "CAN1_TX_Handler": Allowance("CAN, sent", 500, "3 us, at 1 cycle each; the shortest frame takes 47"),
+    "CAN1_RX0_Handler": Allowance("CAN, received", 500, "the same; three frames wait in hardware"),
+    "CAN1_SCE_Handler": Allowance("CAN, errors", 500, "the same; once each time the bus is left"),
     "EXTI4_Handler": Allowance("edge, EXTI4", 100, "1 us, at 1.7 cycles each"),
     "EXTI9_5_Handler": Allowance("edge, EXTI9_5", 100, "1 us, at 1.7 cycles each"),
 }
@@ -150,8 +153,9 @@ def loads(costs: Costs) -> list[Budget]:
         Budget("load, all at rest", 100 * costs.resting.awake, "%", 20, "the core sleeps for the rest"),
         Budget("load, ticks when driving", 100 * costs.busy.ticks, "%", 10, "leaves nine tenths to the rest"),
         Budget(
-            "load, driving, line full both ways", 100 * costs.busy.awake, "%", 70, "a third stays in hand"
+            "load, driving, line and bus full", 100 * costs.busy.awake, "%", 70, "a third stays in hand"
         ),
+        Budget("bits on the bus meanwhile", 100 * costs.bus_share, "%", None, ""),
         Budget("power-up to bridges braked", costs.braked_after_us / 1000, "ms", 15, "until then they coast"),
         Budget(
             "power-up to first answer", costs.answers_after_us / 1000, "ms", 20, "a host may connect at once"
@@ -172,7 +176,8 @@ shows it.
   {stack_depth.EXCEPTION_FRAME} B of registers, FP context included, go with each.
 - **Instructions**: most that one run of a handler took on the virtual board, those of handlers that
   interrupted it not counted: a log at {{rate}} Hz, both wheels driven in both modes, both directions of the
-  line full, then a fault that stops.
+  line full, statuses over CAN at 1 Mbit/s as fast as they are answered, a shorted bus, then a fault that
+  stops.
 - **Times and loads**: at 168 MHz, with the virtual board's cycles (`hil_sim/README.md`: one an instruction;
   loads, stores and branches more; no flash wait states; {{cpi:.2f}} cycles an instruction over the ticks).
   Good to tens of per cent; a chip is yet to say.

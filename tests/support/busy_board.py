@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import truing_protocol as tp
-from hil_sim import VirtualRobot
+from hil_sim import CanFrame, VirtualCanBus, VirtualRobot
 from hil_sim.robot import EncoderFault, ExceptionCost
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
@@ -18,6 +19,9 @@ BRAKED = ((1.0, 1.0), (1.0, 1.0))
 SYSTICK = 15
 CHUNK = 1020
 BYTES_AHEAD = 400  # 4 ms of the line
+BUSY_US = 3_000_000
+CAN_TURN_S = 0.0002  # two frames of the bus
+CAN_REQUESTS_AHEAD = 3
 STACK_PAINT = b"\xc5\xc5\xc5\xc5"
 LOG_RATE_HZ = 200
 ROUGH_RIDE = (
@@ -43,6 +47,7 @@ class Costs:
 
     Attributes
     ----------
+    bus_share : of the bits that CAN can carry in the busy time, 0 to 1.
     handlers : by exception number.
     stack : bytes of the stack that were ever written to.
     """
@@ -51,9 +56,37 @@ class Costs:
     answers_after_us: int
     resting: Load
     busy: Load
+    bus_share: float
     handlers: dict[int, ExceptionCost]
     stack: int
     core_hz: int
+
+
+class CanLoad:
+    """A host on the bus that asks for the status again and again, a few requests ahead of the replies."""
+
+    def __init__(self, robot: VirtualRobot) -> None:
+        self.bus = VirtualCanBus()
+        self.bus.attach(robot)
+        self._node = int(next(p.default for p in tp.PARAMETERS if p.name == "can_node"))
+        self._sent = self.answers = 0
+
+    def _send(self, data: bytes) -> None:
+        self.bus.write(CanFrame(tp.CAN_HOST_TO_BOARD + self._node, data.ljust(8, b"\0")))
+
+    def turn(self) -> None:
+        """Give leave to the messages that have begun, and ask anew for those that ended."""
+        while (frame := self.bus.read()) is not None:
+            if frame.id != tp.CAN_BOARD_TO_HOST + self._node:
+                continue
+            if frame.data[0] >> 4 == 1:  # ISO 15765-2: a first frame; the whole message may follow at once
+                self.answers += 1
+                self._send(bytes([0x30, 0, 0]))
+        while self._sent - self.answers < CAN_REQUESTS_AHEAD:
+            self._sent += 1
+            request = struct.pack("<BH", tp.StatusRequest.ID, self._sent & 0xFFFF)
+            message = request + struct.pack("<I", zlib.crc32(request))
+            self._send(bytes([len(message)]) + message)
 
 
 @contextmanager
@@ -76,8 +109,8 @@ def _start(client: Client) -> None:
     client.request(tp.SeqStartRequest(crc))
 
 
-def _fill_the_line(client: Client, robot: VirtualRobot, until_us: int) -> None:
-    """Both directions full: log bytes come up, and requests go down, answered or not, without a gap."""
+def _fill_the_line(client: Client, robot: VirtualRobot, can: CanLoad, until_us: int) -> None:
+    """Both directions without a gap: log bytes come up, requests go down, answered or not; and CAN beside."""
     ends = client.request(tp.LogListRequest(0))
     offset = ends.oldest_offset
     while robot.time_us < until_us:
@@ -85,7 +118,9 @@ def _fill_the_line(client: Client, robot: VirtualRobot, until_us: int) -> None:
         offset = offset + CHUNK if offset + CHUNK < ends.end_offset else ends.oldest_offset
         while robot.link_pending() < BYTES_AHEAD:
             client.post(tp.StatusRequest())
-        client.receive(0.002)
+        for _ in range(10):
+            client.receive(CAN_TURN_S)
+            can.turn()
     while client.receive(0.05):
         pass
 
@@ -117,8 +152,15 @@ def measure(image: Path) -> Costs:
             robot.run_us(1_000_000)
         _start(client)
         robot.run_us(500_000)
+        can = CanLoad(robot)
+        robot.run_us(1000)
+        before = can.bus.totals().bits
         with _load(robot) as busy:
-            _fill_the_line(client, robot, robot.time_us + 3_000_000)
+            _fill_the_line(client, robot, can, robot.time_us + BUSY_US)
+        bus_share = (can.bus.totals().bits - before) / BUSY_US
+        assert can.answers > 1000
+        can.bus.set_shorted(True)
+        robot.run_us(300_000)
         robot.set_encoder_fault(0, EncoderFault.UNPLUGGED)
         robot.run_us(500_000)
         assert client.request(tp.StatusRequest()).state == tp.State.STOPPED
@@ -127,6 +169,7 @@ def measure(image: Path) -> Costs:
             answers_us,
             resting[0],
             busy[0],
+            bus_share,
             {n: cost for n, cost in robot.costs().items() if n},
             _stack_seen(robot),
             robot.stats().core_hz,
