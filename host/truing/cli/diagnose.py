@@ -16,6 +16,7 @@ from truing.cli.app import App, pass_app
 
 if TYPE_CHECKING:
     from truing.diagnose.result import Diagnosis
+    from truing.recording import Wheel
 
 LINE_WIDTH = 100
 
@@ -63,6 +64,7 @@ LINE_WIDTH = 100
     is_flag=True,
     help="Judge the pose (truth, else odometry) against what the efforts command, and no wheel.",
 )
+@click.option("--wheel", type=click.Choice(["left", "right"]), help="Judge this wheel alone.")
 @click.option("--wheels-only", is_flag=True, help="Leave the outside pose aside.")
 @click.option("--jobs", type=click.IntRange(min=1), help="Threads.  [default: one for each core]")
 @pass_app
@@ -77,6 +79,7 @@ def command(
     next_run: Path | None,
     floor_m: float | None,
     commanded: bool,
+    wheel: Wheel | None,
     wheels_only: bool,
     jobs: int | None,
 ) -> None:
@@ -104,9 +107,9 @@ def command(
 
         wanted = parse_exports(exports)
         recordings = read_for_diagnosis(runs, model)
-        if commanded and (wheels_only or sim_runs is not None):
-            raise click.UsageError("--commanded goes with neither --wheels-only nor --sim-runs")
-        options = Options(sim_runs, wheels_only, jobs, floor_m, commanded)
+        if commanded and (wheels_only or wheel is not None or sim_runs is not None):
+            raise click.UsageError("--commanded goes without --wheel, --wheels-only and --sim-runs")
+        options = Options(sim_runs, wheels_only, jobs, floor_m, commanded, wheel)
         with app.progress("diagnosing") as progress:
             diagnosis = diagnose_recordings(recordings, options, progress)
         _say(app, diagnosis)

@@ -15,9 +15,10 @@ from truing.diagnose.next_experiment import propose
 from truing.diagnose.profiles import Limits
 from truing.diagnose.result import Check, Diagnosis
 from truing.diagnose.sim_runs import read_sim_runs
+from truing.diagnose.untrusted import one_wheel, untrusted_wheel, with_untrusted
 from truing.errors import IdentifyError
 from truing.importers import import_file, is_foreign
-from truing.recording import WHEELS, FloatArray, RecordingSet, Run
+from truing.recording import WHEELS, FloatArray, RecordingSet, Run, Wheel
 from truing.recording_reader import read_recording_set
 
 Progress = Callable[[float], None]
@@ -36,6 +37,7 @@ class Options:
     jobs : threads; None: one for each core.
     commanded : the wheels were not measured, or saw what is looked for: hold the pose against the commands.
     floor_m : floor that a proposed run may use, m; None: as much as the recorded runs used.
+    wheel : judge this wheel alone.
     """
 
     sim_runs: Path | None = None
@@ -43,6 +45,7 @@ class Options:
     jobs: int | None = None
     floor_m: float | None = None
     commanded: bool = False
+    wheel: Wheel | None = None
 
 
 def _unheard(share: float) -> None:
@@ -136,7 +139,12 @@ def _diagnose(recordings: RecordingSet, options: Options, say: Progress) -> Diag
             "Give --model a baseline.toml: [wheel.left] and [wheel.right] with gain_mps and time_constant_s",
         )
     checked = check_data(recordings)
-    diagnosis = diagnose_set(recordings, progress=say, jobs=options.jobs, commanded=options.commanded)
+    bad = None if options.commanded else untrusted_wheel(recordings, recordings.baseline)
+    wheel = options.wheel or (None if bad is None else bad.other)
+    judged = recordings if wheel is None else one_wheel(recordings, wheel)
+    diagnosis = diagnose_set(judged, progress=say, jobs=options.jobs, commanded=options.commanded)
+    if bad is not None and options.wheel != bad.other:
+        diagnosis = with_untrusted(diagnosis, bad)
     known = {(check.topic, check.run, check.wheel) for check in diagnosis.checks}
     more = tuple(check for check in checked.checks if (check.topic, check.run, check.wheel) not in known)
     named = {effect.name for effect in diagnosis.effects}
