@@ -243,11 +243,6 @@ def set_data(
     dt_s[starts[:-1]] = interval_s
     effort = pair(("effort_left", "effort_right"))
     assert effort is not None
-    no_supply = np.zeros(len(t_s))
-    pieces = tuple(
-        excitation(t_s, np.ascontiguousarray(effort[:, w]), no_supply, starts, interval_s).pieces
-        for w in (0, 1)
-    )
     speeds = [tuple(run.speed(wheel, baseline) for wheel in WHEELS) for run in runs]
     values = [(left.values, right.values) for left, right in speeds]
     speed = both(values)
@@ -286,7 +281,7 @@ def set_data(
         run_of_segment=run_of_segment,
         interval_s=interval_s,
         effort=effort,
-        pieces=(pieces[0], pieces[1]),
+        pieces=held_pieces(t_s, effort, starts, interval_s),
         speed_mps=speed,
         usable=np.concatenate([mask[keep] for mask, keep in zip(usable, rows_of_run, strict=True)]),
         source=source,
@@ -307,6 +302,18 @@ def set_data(
         modes=tuple(run.mode for run in runs),
         commanded=commanded,
     )
+
+
+def held_pieces(
+    t_s: FloatArray, effort: FloatArray, starts: IntArray, interval_s: FloatArray
+) -> tuple[Pieces, Pieces]:
+    """Each wheel's effort as the simulation sees it: held over a row, cut where an edge fell inside one."""
+    no_supply = np.zeros(len(t_s))
+    left, right = (
+        excitation(t_s, np.ascontiguousarray(effort[:, w]), no_supply, starts, interval_s).pieces
+        for w in (0, 1)
+    )
+    return left, right
 
 
 def _cut(run: Run) -> list[IntArray]:

@@ -12,16 +12,18 @@ import numpy as np
 
 from truing.diagnose.adequacy import Structure, find_structure
 from truing.diagnose.applicable import applicable_effects
+from truing.diagnose.between_rows import doubt_of_courses, with_courses
 from truing.diagnose.data import SetData, set_data
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.held_out import folds_of
-from truing.diagnose.noise import Noise, estimate_noise
-from truing.diagnose.problem import Problem, base_columns, lagged_rows, pose_spread
+from truing.diagnose.noise import Noise, white_noise
+from truing.diagnose.problem import CLIP, Problem, base_columns, lagged_rows, noise_left, pose_spread
 from truing.diagnose.result import Diagnosis
 from truing.diagnose.search import Search
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.diagnose.verdict import Reasoning, reason
 from truing.diagnose.write_up import write_up
+from truing.model.kernel import FloatArray
 from truing.recording import RecordingSet
 from truing.recording_reader import read_recording_set
 
@@ -91,6 +93,7 @@ class _Stage:
 
 def investigate(data: SetData, say: Progress, jobs: int) -> Reasoning:
     """All fits, and what follows from them."""
+    data = with_courses(data)
     simulator = SetSimulator(data, data.baseline, commanded=data.commanded)
     names = applicable_effects(data)
     stage = first_look(data, simulator)
@@ -113,16 +116,14 @@ def investigate(data: SetData, say: Progress, jobs: int) -> Reasoning:
 def first_look(data: SetData, simulator: SetSimulator) -> _Stage:
     """Refit the baseline, and take for noise what even a flexible model does not foretell."""
     lagged = lagged_rows(data)
-    counted = data.counted.astype(np.float64)
-    white = Noise(np.zeros((2, lagged.shape[0])), np.ones(2), np.ones(2))
     left, right = data.baseline.left, data.baseline.right
     windows = len(simulator.windows(data.pose_horizon_s))
     problem = Problem(
         data=data,
         simulator=simulator,
-        noise=white,
+        noise=white_noise(lagged),
         pose_sigma=np.ones(3),
-        counted=counted,
+        counted=data.counted.astype(float),
         pose_counted=np.zeros(windows),
         lagged=lagged,
         tied=left == right,
@@ -133,24 +134,31 @@ def first_look(data: SetData, simulator: SetSimulator) -> _Stage:
     problem = replace(problem, pose_counted=np.ones(windows))
     problem = replace(problem, pose_sigma=pose_spread(problem, base.theta, ()))
     noise = noise_under(problem, base)
+    doubt = doubt_of_courses(data)
+    if doubt.any():
+        problem = replace(problem, counted=problem.counted / (1.0 + (doubt / noise.sigma) ** 2))
+        noise = noise_under(problem, base)
     problem = problem.with_noise(noise)
     return _Stage(problem, fit(problem, (), base.theta, iterations=10))
 
 
 def noise_under(problem: Problem, best: Fit) -> Noise:
     """The noise if `best` is right but for what a flexible model still foretells."""
-    data = problem.data
-    residual = data.speed_mps - best.residual.speeds
-    floor = np.full(2, resolution_floor(data))
-    rough = estimate_noise(residual, problem.counted, problem.lagged, floor)
+    residual = problem.data.speed_mps - best.residual.speeds
+    taus = np.minimum(_taus(problem, best.theta), _taus(problem, problem.simulator.start()))
+    rough = noise_left(problem.data, residual, problem.counted, taus)
     found = structure_of(problem.with_noise(rough), best)
-    return estimate_noise(residual - found.foretold, problem.counted, problem.lagged, floor)
+    return noise_left(problem.data, residual - found.foretold, problem.counted, taus)
+
+
+def _taus(problem: Problem, theta: FloatArray) -> FloatArray:
+    layout = problem.simulator.layout
+    return np.array([theta[layout.index("tau_left")], theta[layout.index("tau_right")]])
 
 
 def structure_of(problem: Problem, done: Fit) -> Structure:
     """What a flexible model foretells of a fit's residual."""
-    layout = problem.simulator.layout
-    taus = np.array([done.theta[layout.index("tau_left")], done.theta[layout.index("tau_right")]])
+    taus = _taus(problem, done.theta)
     return find_structure(
         problem.data,
         problem.data.speed_mps - done.residual.speeds,
@@ -164,17 +172,22 @@ def structure_of(problem: Problem, done: Fit) -> Structure:
 
 
 def sharpened(search: Search, count: int) -> Search:
-    """The same search under the noise that its best fit leaves; only fits that may matter are kept."""
-    ranked = search.ranked(count)
+    """The same search under the noise that its best fit leaves; only fits that may matter are kept.
+
+    Which fit is best is asked of each under the noise that it leaves itself: judged under a noise that
+    holds a slow error, everything that removes that error would seem to be worth little.
+    """
     keep = [search.fits[()], *search.ranked(1)[:8], *(search.ranked(2)[:6] if count > 1 else [])]
-    best = search.ranked(count - 1)[0]
-    if ranked and search.better(ranked[0], best).gain > 0.0:
-        best = ranked[0]
-    spread = pose_spread(search.problem, best.theta, best.effects)
-    problem = search.problem.with_noise(noise_under(search.problem, best), spread)
-    return search.under(problem, keep)
+    problem = search.problem
+    noises = [noise_under(problem, one) for one in keep]
+    costs = [own_cost(problem, one, noise) for one, noise in zip(keep, noises, strict=True)]
+    best = int(np.argmin(costs))
+    spread = pose_spread(problem, keep[best].theta, keep[best].effects)
+    return search.under(problem.with_noise(noises[best], spread), keep)
 
 
-def resolution_floor(data: SetData) -> float:
-    """RMS that rounding to whole counts gives a differenced speed, m/s: sqrt(1/6) of a count per row."""
-    return max(0.4 * data.resolution_mps, 1e-5 * data.top_mps)
+def own_cost(problem: Problem, one: Fit, noise: Noise) -> float:
+    """Negative log-likelihood of a fit under the noise that it leaves, each number paid for, nats."""
+    rows = problem.counted.sum(axis=0)
+    pose = 0.5 * float(np.sum(np.minimum(one.residual.pose**2, CLIP**2)))
+    return float(rows @ np.log(noise.sigma)) + pose + 0.5 * one.size * float(np.log(max(rows.sum(), 2.0)))

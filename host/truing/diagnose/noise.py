@@ -4,6 +4,11 @@ What a correct model leaves over is no white noise. A differenced encoder count 
 of rounding errors, and a small disturbance of the torque reaches the speed through the wheel's own lag.
 An autoregression of a few lags stands for both (any rational spectrum; Ljung 1999, section 4.2), so that
 its innovations can be counted as independent samples.
+
+The noise's memory is bounded: a disturbing torque is forgotten about as fast as the wheel forgets, so
+correlations fade with the wheel's own time constant. Without that bound an autoregression takes any slow
+error of the model (friction that a linear model lacks) for noise that never forgets, and then no slow
+error weighs anything.
 """
 
 from __future__ import annotations
@@ -17,8 +22,11 @@ from truing.model.compiled import compiled
 from truing.model.kernel import FloatArray, IntArray
 
 # Lags reach back this far, s; at 20 Hz six of them follow an encoder's moving average and a wheel's lag.
+# Where rows come faster, the later lags lie further apart.
 REACH_S = 0.3
 LEAST_ORDER, LARGEST_ORDER = 4, 8
+# Correlations of the noise fade at least as fast as in this many time constants of the wheel.
+MEMORY_TAUS = 2.0
 # Ridge on the normal equations, relative: keeps the lags of a wheel that hardly moves defined.
 RIDGE = 1e-6
 
@@ -32,65 +40,77 @@ class Noise:
     lags : shape (2, order); e_k = r_k - sum_j lags[w, j] r_{k-1-j} is white.
     sigma : shape (2,), m/s, RMS of the innovations e.
     rms : shape (2,), m/s, RMS of the noise itself.
+    memory_s : shape (2,), s, the time over which it forgets itself: the integral of its correlation.
     """
 
     lags: FloatArray
     sigma: FloatArray
     rms: FloatArray
 
-    @property
-    def order(self) -> int:
-        """Number of lags."""
-        return int(self.lags.shape[1])
-
-    def memory(self, wheel: int, interval_s: float) -> float:
-        """Time over which the noise of a wheel forgets itself, s: the integral of its autocorrelation."""
-        impulse = np.zeros(200)
-        for k in range(len(impulse)):
-            past = impulse[max(0, k - self.order) : k][::-1]
-            impulse[k] = (1.0 if k == 0 else 0.0) + float(self.lags[wheel, : len(past)] @ past)
-        power = float(impulse @ impulse)
-        lagged = np.correlate(impulse, impulse, "full")[len(impulse) - 1 :] / max(power, 1e-300)
-        return float(max(lagged[: np.argmax(lagged < 0.05) or None].sum(), 0.5) * interval_s)
+    memory_s: FloatArray
 
 
-def order_for(interval_s: float) -> int:
-    """How many lags recordings with this sampling interval get."""
-    return int(np.clip(round(REACH_S / max(interval_s, 1e-6)), LEAST_ORDER, LARGEST_ORDER))
+def lags_for(interval_s: float) -> IntArray:
+    """Which rows back the noise of recordings with this sampling interval is told from, shape (order,)."""
+    reach = int(max(round(REACH_S / max(interval_s, 1e-6)), LEAST_ORDER))
+    if reach <= LARGEST_ORDER:
+        return np.arange(1, reach + 1)
+    return np.unique(np.round(np.geomspace(1.0, reach, LARGEST_ORDER)).astype(np.int64))
 
 
-def lag_index(starts: IntArray, rows: int, order: int) -> IntArray:
+def lag_index(starts: IntArray, rows: int, lags: IntArray) -> IntArray:
     """Row numbers of each row's predecessors, shape (order, n); `rows` stands for "before the segment"."""
     first = np.repeat(starts[:-1], np.diff(starts))
     index = np.arange(rows)
-    lagged = np.stack([index - k for k in range(1, order + 1)])
+    lagged = np.stack([index - k for k in lags])
     return np.asarray(np.where(lagged >= first, lagged, rows))
 
 
-def estimate_noise(residual: FloatArray, counted: FloatArray, lagged: IntArray, floor: FloatArray) -> Noise:
-    """Fit the autoregressions to what a model leaves over.
+def white_noise(lagged: IntArray) -> Noise:
+    """Noise of 1 m/s without memory, to begin with."""
+    return Noise(np.zeros((2, lagged.shape[0])), np.ones(2), np.ones(2), np.zeros(2))
+
+
+def estimate_noise(
+    residual: FloatArray,
+    counted: FloatArray,
+    starts: IntArray,
+    interval_s: float,
+    fade_s: FloatArray,
+    floor: FloatArray,
+) -> Noise:
+    """Autoregressions from the correlations of what a model leaves over (Yule 1927, Walker 1931).
 
     Parameters
     ----------
     residual : shape (n, 2), m/s.
     counted : shape (n, 2), weights 0..1 of the rows (0: not measured, or judged by nobody).
-    lagged : from `lag_index`.
+    starts : shape (segments + 1,), first row of every segment, and n.
+    fade_s : shape (2,), s, correlations are taken to fade at least this fast.
     floor : shape (2,), m/s, the least RMS that the sensor's own resolution allows.
     """
-    order = lagged.shape[0]
-    lags, sigma, rms = np.zeros((2, order)), np.zeros(2), np.zeros(2)
+    lags = lags_for(interval_s)
+    reach = int(lags[-1])
+    index = lag_index(starts, len(residual), np.arange(1, reach + 1))
+    found = Noise(np.zeros((2, len(lags))), np.zeros(2), np.zeros(2), np.zeros(2))
+    apart = np.abs(np.subtract.outer(lags, lags))
     for wheel in range(2):
-        weight = counted[:, wheel]
-        r = np.where(weight > 0.0, residual[:, wheel], 0.0)
-        past = np.append(r, 0.0)[lagged].T
-        total = max(float(weight.sum()), 1.0)
-        power = float(weight @ r**2) / total
-        rms[wheel] = np.sqrt(max(power, floor[wheel] ** 2))
-        gram = (past * weight[:, None]).T @ past + np.eye(order) * (RIDGE * max(power, 1e-18) * total)
-        lags[wheel] = np.linalg.solve(gram, past.T @ (weight * r))
-        innovations = r - past @ lags[wheel]
-        sigma[wheel] = np.sqrt(max(float(weight @ innovations**2) / total, (0.5 * floor[wheel]) ** 2))
-    return Noise(lags, sigma, rms)
+        weight = np.sqrt(counted[:, wheel])
+        r = np.where(weight > 0.0, residual[:, wheel] * weight, 0.0)
+        r_past, weight_past = np.append(r, 0.0)[index], np.append(weight, 0.0)[index]
+        power = max(float(r @ r / max(weight @ weight, 1.0)), floor[wheel] ** 2)
+        cross = (r_past @ r) / np.maximum(weight_past @ weight, 1.0)
+        fade = np.exp(-np.arange(1, reach + 1) * interval_s / max(float(fade_s[wheel]), interval_s))
+        covariance = np.concatenate(([power], cross * fade))
+        gram = covariance[apart] + np.eye(len(lags)) * RIDGE * power
+        found.lags[wheel] = np.linalg.solve(gram, covariance[lags])
+        left = power - float(found.lags[wheel] @ covariance[lags])
+        found.rms[wheel] = np.sqrt(power)
+        found.sigma[wheel] = np.sqrt(max(left, (0.5 * floor[wheel]) ** 2))
+        correlation = covariance / power
+        fades = int(np.argmax(correlation < 0.05)) or len(correlation)
+        found.memory_s[wheel] = max(float(correlation[:fades].sum()) - 0.5, 0.5) * interval_s
+    return found
 
 
 def whiten(noise: Noise, columns: FloatArray, counted: FloatArray, lagged: IntArray) -> FloatArray:

@@ -13,13 +13,16 @@ import numpy as np
 from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.data import POSE_HORIZON_S as POSE_HORIZON_S
 from truing.diagnose.data import SetData
-from truing.diagnose.noise import Noise, lag_index, order_for, whiten
+from truing.diagnose.noise import MEMORY_TAUS, Noise, estimate_noise, lag_index, lags_for, whiten
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.model.kernel import FloatArray, IntArray
 
 # Whitened residuals beyond this many standard deviations pull no harder than this: one bad sample, one
 # knock against the robot, decides nothing (Huber 1964).
 CLIP = 4.0
+# Rounding to whole counts gives a differenced speed an RMS of sqrt(1/6) of a count per row; and no speed
+# is known better than to a hundred-thousandth of the robot's fastest.
+LEAST_COUNTS, LEAST_OF_TOP = 0.4, 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +204,14 @@ def base_columns(simulator: SetSimulator, tied: bool, base_effects: tuple[str, .
 
 def lagged_rows(data: SetData) -> IntArray:
     """Row numbers of each row's predecessors for the noise model."""
-    return lag_index(data.starts, len(data), order_for(float(np.median(data.interval_s))))
+    return lag_index(data.starts, len(data), lags_for(float(np.median(data.interval_s))))
+
+
+def noise_left(data: SetData, residual: FloatArray, counted: FloatArray, taus_s: FloatArray) -> Noise:
+    """The noise of both wheels if `residual` (n, 2), m/s, is all noise; `taus_s` (2,) bounds its memory."""
+    floor = np.full(2, max(LEAST_COUNTS * data.resolution_mps, LEAST_OF_TOP * data.top_mps))
+    interval_s = float(np.median(data.interval_s))
+    return estimate_noise(residual, counted, data.starts, interval_s, MEMORY_TAUS * taus_s, floor)
 
 
 def pose_spread(problem: Problem, theta: FloatArray, effects: tuple[str, ...]) -> FloatArray:

@@ -246,7 +246,7 @@ def _noise(problem: Problem) -> tuple[SignalNoise, ...]:
                 quantisation,
                 math.sqrt(max(rms**2 - quantisation**2, 0.0)),
                 rms,
-                problem.noise.memory(wheel, float(np.median(data.interval_s))),
+                float(problem.noise.memory_s[wheel]),
                 "what a flexible model of inputs and state does not foretell on runs it did not see",
             )
         )
