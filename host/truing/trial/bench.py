@@ -16,9 +16,9 @@ import numpy.typing as npt
 from scipy.optimize import minimize_scalar
 
 from truing.diagnose.data import SetData, set_data
+from truing.diagnose.engine import first_look, noise_under
 from truing.diagnose.fit import Fit, fit
-from truing.diagnose.noise import Noise, estimate_noise
-from truing.diagnose.problem import Problem, base_columns, lagged_rows
+from truing.diagnose.problem import Problem
 from truing.diagnose.search import Search
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.recording import WHEELS, RecordingSet, Run
@@ -71,10 +71,8 @@ class Bench:
         self.judging: BoolArray = np.asarray(self.all.data.run_of_row >= len(recorded.runs))
         self._offset = np.concatenate(([0], np.cumsum([len(run) for run in every.runs])))
         self.simulator = SetSimulator(self.real)
-        self.counted = self.real.judged[:, None] * np.ones((1, 2))
-        self.noise = self._noise()
-        self.on_clean = self._problem(self.clean)
-        self.on_real = self._problem(self.real)
+        self.on_real = self._problem()
+        self.on_clean = replace(self.on_real, data=self.clean, simulator=SetSimulator(self.clean))
         self._bases: dict[int, Fit] = {}
 
     @property
@@ -87,30 +85,17 @@ class Bench:
         rows: IntArray = self._offset[data.run_of_row] + data.source_row
         return rows
 
-    def _noise(self) -> Noise:
-        """The noise that the recordings have, from the truth."""
-        residual = self.real.speed_mps - self.clean.speed_mps
-        # Rounding to whole counts gives a differenced speed sqrt(1/6) of a count per row.
-        floor = np.full(2, max(0.4 * self.real.resolution_mps, 1e-5 * self.real.top_mps))
-        return estimate_noise(residual, self.counted, lagged_rows(self.real), floor)
+    def _problem(self) -> Problem:
+        """The diagnosis' own problem, under the noise that the recordings really have."""
+        stage = first_look(self.real, self.simulator)
+        exact = replace(stage.base, residual=replace(stage.base.residual, speeds=self.clean.speed_mps))
+        return stage.problem.with_noise(noise_under(stage.problem, exact), self.pose_sigma())
 
-    def _problem(self, data: SetData) -> Problem:
-        simulator = SetSimulator(data)
-        baseline = data.baseline
-        tied = baseline.left == baseline.right
-        effects = tuple(baseline.effects)
-        return Problem(
-            data=data,
-            simulator=simulator,
-            noise=self.noise,
-            pose_sigma=self.pose_sigma(),
-            counted=self.counted,
-            pose_counted=np.ones(len(simulator.windows(HORIZON_S))),
-            lagged=lagged_rows(data),
-            tied=tied,
-            base_effects=effects,
-            base_columns=base_columns(simulator, tied, effects),
-        )
+    @property
+    def noise_mps(self) -> float:
+        """RMS of noise and disturbance in the wheels' speeds."""
+        rows = self.real.judged
+        return float(np.sqrt(np.mean((self.real.speed_mps - self.clean.speed_mps)[rows] ** 2)))
 
     def pose_sigma(self) -> FloatArray:
         """Standard deviation of a window's displacement as it was looked at, shape (3,), m, m, rad."""

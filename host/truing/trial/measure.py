@@ -79,7 +79,7 @@ def measure(bench: Bench, diagnosis: Diagnosis) -> Measured:
     covered, effect_share, effect_time = _places(bench, diagnosis)
     figures = Measured(
         over_floor=_over_floor(diagnosis),
-        true_over_floor=diagnosis.fit.noise_floor / float(np.sqrt(np.mean(bench.noise.rms**2))),
+        true_over_floor=diagnosis.fit.noise_floor / bench.noise_mps,
         covered=covered,
         effect_share=effect_share,
         effect_time=effect_time,
@@ -259,7 +259,7 @@ def _speed_places(
             rows = (data.run_of_row == data.names.index(span.run)) & data.judged
             rows &= (data.t_s > span.t_start_s - 1e-9) & (data.t_s <= span.t_end_s + 1e-9)
             inside[rows, SPEED_SIGNALS.index(span.signal)] = True
-    return _shares(effect, noise, inside, float(np.mean(bench.noise.rms**2)))
+    return _shares(effect, noise, inside, bench.noise_mps**2)
 
 
 def _pose_places(
