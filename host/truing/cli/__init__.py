@@ -40,6 +40,7 @@ COMMANDS: dict[str, str] = {
     "diagnose": "Where a simulation is wrong, and which physics it leaves out.",
     "export": "Write a model for a simulator or a controller.",
     "plot": "Draw recordings.",
+    "real": "Diagnose recordings of real robots, and what that does to the error on unseen runs.",
     "paper": "Drive the paper's tests I to XVII, print Tables III and IV beside it.",
 }
 

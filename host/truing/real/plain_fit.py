@@ -39,12 +39,14 @@ class Unseen:
     theta : shape (p,), the fit to everything.
     error : shape (k, c), measured minus simulated, unseen; zero where nothing is judged.
     fitted : shape (k, c), the same of the fit to everything.
+    refits : shape (parts, p), the fits that each left a part out.
     """
 
     effects: tuple[str, ...]
     theta: FloatArray
     error: FloatArray
     fitted: FloatArray
+    refits: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +80,7 @@ class PlainJudge:
         self.signals = Signals(data, self.simulator)
         self.parts = _parts(self.signals)
         self._known: dict[tuple[str, ...], Unseen] = {}
+        self._fits: dict[tuple[tuple[str, ...], bytes], FloatArray] = {}
 
     def unseen(self, effects: Sequence[str]) -> Unseen:
         """The structure of the baseline with these effects, each added to those before it."""
@@ -85,11 +88,12 @@ class PlainJudge:
         if key not in self._known:
             theta = self._fit(key, np.ones(len(self.parts), dtype=np.bool_))
             error = np.zeros_like(self.signals.counted, dtype=np.float64)
+            refits = []
             for part in np.unique(self.parts):
                 rows = self.parts == part
-                refit = self._fit(key, ~rows, theta)
-                error[rows] = self._errors(refit, key)[rows]
-            self._known[key] = Unseen(key, theta, error, self._errors(theta, key))
+                refits.append(self._fit(key, ~rows, theta))
+                error[rows] = self._errors(refits[-1], key)[rows]
+            self._known[key] = Unseen(key, theta, error, self._errors(theta, key), np.array(refits))
         return self._known[key]
 
     def rms(self, error: FloatArray, columns: Sequence[int]) -> float:
@@ -140,6 +144,9 @@ class PlainJudge:
 
     def _fit(self, effects: tuple[str, ...], rows: BoolArray, also: FloatArray | None = None) -> FloatArray:
         """The best numbers for some rows: from the structure without its last effect, and from `also`."""
+        key = (effects, rows.tobytes())
+        if key in self._fits:
+            return self._fits[key]
         if effects:
             base = self._fit(effects[:-1], rows)
             starts = [_placed(self.simulator, base, effects[-1], values) for values in grid_of(effects[-1])]
@@ -149,7 +156,8 @@ class PlainJudge:
             starts.append(also)
         scouts = [self._search(effects, rows, start, SCOUT_STEPS) for start in starts]
         best = min(scouts, key=lambda end: end[1])
-        return self._search(effects, rows, best[0], STEPS)[0]
+        self._fits[key] = self._search(effects, rows, best[0], STEPS)[0]
+        return self._fits[key]
 
     def _search(
         self, effects: tuple[str, ...], rows: BoolArray, start: FloatArray, steps: int
