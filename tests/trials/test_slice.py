@@ -30,6 +30,7 @@ def test_a_robot_that_drags_is_found_out_and_scored(tmp_path: Path, native_libra
     assert figures["harm"] < 1.0
     assert 0.3 < figures["true_over_floor"] < 3.0
     assert figures["covered"] > 0.5
+    assert figures["effect_share"] > 0.5
     assert set(figures["effective"]) == {"direction_asymmetry.left", "direction_asymmetry.right"}
     assert figures["rival_distance"] > 0.0
     assert set(one.methods) == {"regression with sign", "sparse regression", "picker by training error"}

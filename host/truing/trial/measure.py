@@ -26,6 +26,8 @@ FloatArray = npt.NDArray[np.float64]
 _RIVALS = 3
 # A true structure that lowers the error by less than this share leaves no gap to close.
 _LEAST_GAP = 0.02
+# An effect is where this share of its energy is.
+WHERE_IT_IS = 0.95
 SPEED_SIGNALS = ("vel_left_mps", "vel_right_mps")
 POSE_SIGNALS = ("truth_x_m", "truth_y_m", "truth_theta_rad")
 
@@ -38,14 +40,15 @@ class Measured:
     ----------
     inside : per parameter of a rightly named effect, whether its interval holds the effective value.
     effective : those values.
+    intervals : what the verdict says of them.
     gap_closed : (baseline - fitted) / (baseline - true structure refitted) on the judging runs.
     gap_closed_refitted : the same from the refitted baseline: what naming alone is worth.
     harm : fitted over baseline error on the judging runs.
     over_floor : held-out error with the named effect over the noise floor.
     true_over_floor : that floor over the noise that was really there.
     covered : share of the effect's energy in the spans.
-    effect_share : share of the energy in the spans that is the effect's, the rest being noise.
-    effect_time : share of the spans' time in which the effect stands above a third of the noise.
+    effect_share : share of the spans' cells that are among those that hold 95 % of the effect's energy.
+    effect_energy : share of the energy in the spans that is the effect's, the rest being noise.
     rival, rival_distance : the rival that comes nearest to the hidden effect on noise-free output, and the
         whitened norm of what it misses there.
     opinions : what the other methods name.
@@ -53,6 +56,7 @@ class Measured:
 
     inside: dict[str, bool] = field(default_factory=dict)
     effective: dict[str, float] = field(default_factory=dict)
+    intervals: dict[str, tuple[float, float]] = field(default_factory=dict)
     gap_closed: float | None = None
     gap_closed_refitted: float | None = None
     harm: float | None = None
@@ -60,7 +64,7 @@ class Measured:
     true_over_floor: float | None = None
     covered: float | None = None
     effect_share: float | None = None
-    effect_time: float | None = None
+    effect_energy: float | None = None
     rival: str = ""
     rival_distance: float | None = None
     opinions: dict[str, list[str]] = field(default_factory=dict)
@@ -76,13 +80,13 @@ def measure(bench: Bench, diagnosis: Diagnosis) -> Measured:
         "picker by training error": picker(diagnosis, _rows(bench)),
     }
     told = {name: list(opinion.names) for name, opinion in opinions.items()}
-    covered, effect_share, effect_time = _places(bench, diagnosis)
+    covered, effect_share, effect_energy = _places(bench, diagnosis)
     figures = Measured(
         over_floor=_over_floor(diagnosis),
         true_over_floor=diagnosis.fit.noise_floor / bench.noise_mps,
         covered=covered,
         effect_share=effect_share,
-        effect_time=effect_time,
+        effect_energy=effect_energy,
         opinions=told,
     )
     if not known:
@@ -91,12 +95,13 @@ def measure(bench: Bench, diagnosis: Diagnosis) -> Measured:
     ideal = bench.fitted(bench.on_clean, bench.names, hints)
     ceiling = bench.fitted(bench.on_real, bench.names, [ideal])
     rival, distance = _nearest_rival(bench, ideal, diagnosis)
-    effective, inside = _intervals(bench, ideal, diagnosis)
+    effective, intervals, inside = _intervals(bench, ideal, diagnosis)
     closed, refitted, harm = _gaps(bench, diagnosis, ceiling)
     return _with(
         figures,
         inside=inside,
         effective=effective,
+        intervals=intervals,
         gap_closed=closed,
         gap_closed_refitted=refitted,
         harm=harm,
@@ -154,8 +159,11 @@ def _nearest_rival(bench: Bench, ideal: Fit, diagnosis: Diagnosis) -> tuple[str,
     return name, math.sqrt(max(nearest.cost - ideal.cost, 0.0))
 
 
-def _intervals(bench: Bench, ideal: Fit, diagnosis: Diagnosis) -> tuple[dict[str, float], dict[str, bool]]:
-    """Effective parameters, and which of them the intervals of rightly named effects hold."""
+def _intervals(
+    bench: Bench, ideal: Fit, diagnosis: Diagnosis
+) -> tuple[dict[str, float], dict[str, tuple[float, float]], dict[str, bool]]:
+    """Effective parameters, the intervals of rightly named effects, and which of these hold them."""
+    intervals: dict[str, tuple[float, float]] = {}
     effective: dict[str, float] = {}
     inside: dict[str, bool] = {}
     said = {effect.name: effect for effect in diagnosis.effects if effect.explanation == 0}
@@ -165,9 +173,10 @@ def _intervals(bench: Bench, ideal: Fit, diagnosis: Diagnosis) -> tuple[dict[str
             if diagnosis.verdict != "missing_physics" or name not in said:
                 continue
             low, high = said[name].parameters[key].ci95
+            intervals[f"{name}.{key}"] = (float(low), float(high))
             slack = 1e-6 * max(abs(value), 1e-3)
             inside[f"{name}.{key}"] = bool(low - slack <= value <= high + slack)
-    return effective, inside
+    return effective, intervals, inside
 
 
 def _in_pose(bench: Bench) -> bool:
@@ -259,7 +268,7 @@ def _speed_places(
             rows = (data.run_of_row == data.names.index(span.run)) & data.judged
             rows &= (data.t_s > span.t_start_s - 1e-9) & (data.t_s <= span.t_end_s + 1e-9)
             inside[rows, SPEED_SIGNALS.index(span.signal)] = True
-    return _shares(effect, noise, inside, bench.noise_mps**2)
+    return _shares(effect, noise, inside)
 
 
 def _pose_places(
@@ -290,7 +299,7 @@ def _pose_places(
             rows = (names == span.run) & (data.t_s[windows.first] >= span.t_start_s - 1e-9)
             rows &= data.t_s[windows.last] <= span.t_end_s + 1e-9
             inside[rows, POSE_SIGNALS.index(span.signal)] = True
-    return _shares(effect, noise, inside, 1.0)
+    return _shares(effect, noise, inside)
 
 
 def _moves(pose: FloatArray, at: npt.NDArray[np.int64], windows: object) -> FloatArray:
@@ -302,12 +311,14 @@ def _moves(pose: FloatArray, at: npt.NDArray[np.int64], windows: object) -> Floa
 
 
 def _shares(
-    effect: FloatArray, noise: FloatArray, inside: npt.NDArray[np.bool_], usual: float
+    effect: FloatArray, noise: FloatArray, inside: npt.NDArray[np.bool_]
 ) -> tuple[float | None, float | None, float | None]:
+    """Share of the effect in the spans, and of the spans that is the effect: by cells, by energy."""
     total = float(effect.sum())
     if total <= 0.0 or not inside.any():
         return (0.0 if total > 0.0 else None), None, None
     in_spans = float(effect[inside].sum())
-    share = in_spans / (in_spans + float(noise[inside].sum()))
-    above = float(np.mean(effect[inside] > usual / 9.0))
-    return in_spans / total, share, above
+    ordered = np.sort(effect, axis=None)[::-1]
+    least = ordered[int(np.searchsorted(np.cumsum(ordered), WHERE_IT_IS * total))]
+    there = float(np.mean(effect[inside] >= least))
+    return in_spans / total, there, in_spans / (in_spans + float(noise[inside].sum()))
