@@ -75,7 +75,9 @@ def _errors(data: SetData) -> FloatArray:
     error = np.where(data.counted, data.speed_mps - _speeds(data), 0.0)
     change = np.diff(error, axis=0, prepend=error[:1])
     change[data.first] = 0.0
-    return np.bincount(data.run_of_row, (change**2).sum(axis=1), minlength=data.runs)
+    sums: FloatArray = np.zeros(data.runs)
+    np.add.at(sums, data.run_of_row, (change**2).sum(axis=1))
+    return sums
 
 
 def smoothed(data: SetData, runs: Collection[int]) -> SetData:

@@ -13,6 +13,8 @@ from truing.model.kernel import FloatArray, IntArray
 
 # Residuals closer together than this share a block: what correlation the whitening leaves stays inside.
 BLOCK_S = 2.0
+# A knock against the robot fills a few whitened rows: two neighbours of this length hold it.
+MOMENT_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +24,7 @@ class Advantage:
     Attributes
     ----------
     gain : whitened log-likelihood, nats, each free number paid for with half the log of the rows.
-    spread : the same without the block of time that speaks for it most: one moment is no evidence.
+    spread : the same without the second that speaks for it most: one moment is no evidence.
     times_noise : largest RMS difference of the two simulations, over the noise of that signal.
     """
 
@@ -33,33 +35,33 @@ class Advantage:
 
 def advantage(problem: Problem, one: Fit, other: Fit) -> Advantage:
     """How much better `one` is than `other`."""
-    by_block = block_gains(problem, one, other)
+    wheels, pose = moment_gains(problem, one, other)
     rows = float((problem.counted > 0.0).sum() + 3.0 * (problem.pose_counted > 0.0).sum())
     price = 0.5 * (one.size - other.size) * math.log(max(rows, 2.0))
-    gain = float(by_block.sum()) - price
-    return Advantage(gain, gain - max(float(by_block.max()), 0.0), difference(problem, one, other))
+    gain = float(wheels.sum() + pose.sum()) - price
+    moment = max(float((wheels[1:] + wheels[:-1]).max(initial=0.0)), float(pose.max(initial=0.0)))
+    return Advantage(gain, gain - moment, difference(problem, one, other))
 
 
-def block_gains(problem: Problem, one: Fit, other: Fit) -> FloatArray:
-    """Log-likelihood gain of `one` over `other` in each block of time, shape (blocks,)."""
-    wheels = 0.5 * (_loss(other.residual.wheels) - _loss(one.residual.wheels)).sum(axis=1)
-    block = row_blocks(problem)
-    gains = np.bincount(block, wheels, minlength=int(block.max()) + 1)
-    if len(problem.pose_counted):
-        pose = 0.5 * (_loss(other.residual.pose) - _loss(one.residual.pose)).sum(axis=1)
-        where = problem.simulator.pose_runs(POSE_BLOCK_WINDOWS)
-        gains = np.concatenate((gains, np.bincount(where, pose)))
-    return np.asarray(gains)
+def moment_gains(problem: Problem, one: Fit, other: Fit) -> tuple[FloatArray, FloatArray]:
+    """Log-likelihood gain of `one` over `other`: of the wheels by moment, of the pose by pair of windows."""
+    rows = 0.5 * (_loss(other.residual.wheels) - _loss(one.residual.wheels)).sum(axis=1)
+    wheels = np.bincount(row_blocks(problem, MOMENT_S), rows)
+    if not len(problem.pose_counted):
+        return wheels.astype(float), np.zeros(0)
+    windows = 0.5 * (_loss(other.residual.pose) - _loss(one.residual.pose)).sum(axis=1)
+    pose = np.bincount(problem.simulator.pose_runs(POSE_BLOCK_WINDOWS), windows)
+    return wheels.astype(float), pose.astype(float)
 
 
 POSE_BLOCK_WINDOWS = 2
 
 
-def row_blocks(problem: Problem) -> IntArray:
+def row_blocks(problem: Problem, length_s: float = BLOCK_S) -> IntArray:
     """Block number of each row, shape (n,); a block never spans two runs."""
     data = problem.data
     start = np.repeat(data.t_s[data.starts[:-1]], np.diff(data.starts))
-    within = ((data.t_s - start) / BLOCK_S).astype(np.int64)
+    within = ((data.t_s - start) / length_s).astype(np.int64)
     segment = np.repeat(np.arange(len(data.starts) - 1), np.diff(data.starts))
     _, number = np.unique(segment * 1_000_000 + within, return_inverse=True)
     return np.asarray(number, dtype=np.int64)

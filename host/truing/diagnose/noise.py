@@ -104,7 +104,8 @@ def estimate_noise(
         covariance = np.concatenate(([power], cross * fade))
         gram = covariance[apart] + np.eye(len(lags)) * RIDGE * power
         found.lags[wheel] = np.linalg.solve(gram, covariance[lags])
-        left = power - float(found.lags[wheel] @ covariance[lags])
+        innovations = r - r_past[lags - 1].T @ found.lags[wheel]
+        left = float(innovations @ innovations / max(weight @ weight, 1.0))
         found.rms[wheel] = np.sqrt(power)
         found.sigma[wheel] = np.sqrt(max(left, (0.5 * floor[wheel]) ** 2))
         correlation = covariance / power

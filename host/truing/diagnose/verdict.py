@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from truing.diagnose.adequacy import Structure
+from truing.diagnose.adequacy import Structure, find_bursts
 from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.fit import Fit, judge
 from truing.diagnose.problem import Problem
@@ -29,6 +29,9 @@ RIVAL_GAIN, RIVAL_TIMES = 6.0, 0.15
 MOST_RIVALS = 3
 # What a flexible model still foretells is unexplained beyond these.
 LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.35, 3.0, 0.3
+# Moments with more than their share of the residual are unexplained where they hold this share of its
+# energy, and this share of what the accused effects took away.
+LEAST_BURSTS, BURSTS_OF_EXPLAINED = 0.12, 0.4
 # The baseline's numbers are off beyond this RMS over noise.
 OFF_TIMES = 0.15
 
@@ -70,7 +73,7 @@ def reason(search: Search, tried: list[str], structure_of: object) -> Reasoning:
     left = structure_of(problem, best)  # type: ignore[operator]
     rivals = rivals_of(search, best) if best.effects else ()
     strength = search.better(best, base).times_noise if best.effects else 0.0
-    if remains(left, strength):
+    if remains(left, strength) or bursts_remain(search, best, base):
         verdict: Verdict = "unexplained"
     elif best.effects:
         verdict = "ambiguous" if rivals else "missing_physics"
@@ -129,6 +132,15 @@ def remains(left: Structure, strength: float) -> bool:
     times = left.times_noise
     sure = left.share > LEFT_ERRORS * left.error
     return bool(np.any(sure & (times > max(LEFT_TIMES, LEFT_SHARE * strength))))
+
+
+def bursts_remain(search: Search, best: Fit, base: Fit) -> bool:
+    """Whether moments are left that no noise makes, beside what was explained."""
+    problem = search.problem
+    share = find_bursts(problem.data, best.residual.wheels).share
+    energy = float(share @ (best.residual.wheels**2).sum(axis=0))
+    explained = 2.0 * search.better(best, base).gain if best.effects else 0.0
+    return bool(np.any(share > LEAST_BURSTS)) and energy > BURSTS_OF_EXPLAINED * explained
 
 
 def confidence(search: Search, best: Fit) -> float:
