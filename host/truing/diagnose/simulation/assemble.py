@@ -21,7 +21,7 @@ from types import ModuleType
 from typing import Any
 
 from truing.diagnose.catalogue import Catalogue, Entry
-from truing.diagnose.simulation import bodies, ground, jit, rollout, step
+from truing.diagnose.simulation import bodies, ground, jit, rollout, rows, step
 from truing.diagnose.simulation.stages import SLOW_CONTEXT, STAGES, STATE_CONTEXT, Stage
 
 BASELINE_PARAMETERS = 4
@@ -178,7 +178,7 @@ def _arguments(function: Callable[..., Any]) -> tuple[str, ...]:
 
 
 def _fingerprint(catalogue: Catalogue, stages: str) -> str:
-    parts = [stages, *(inspect.getsource(module) for module in (*KERNEL, bodies, jit))]
+    parts = [stages, *(inspect.getsource(module) for module in (*KERNEL, bodies, rows, jit))]
     parts += [inspect.getsource(sys.modules[entry.module]) for entry in catalogue.entries.values()]
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
 
@@ -234,7 +234,7 @@ def kernel_of(catalogue: Catalogue) -> Kernel:
         for written, meant in imports.items():
             source = source.replace(written, meant)
         if folder is None:
-            source = source.replace("@cached", "@compiled").replace("import cached", "import compiled")
+            source = source.replace("@cached", "@fleeting").replace("import cached", "import fleeting")
         short = module.__name__.rsplit(".", 1)[1]
         name = f"truing_{short}_{mark}"
         found |= vars(_load(name, source, folder))

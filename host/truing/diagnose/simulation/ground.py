@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from truing.diagnose.data import FloatArray, IntArray
 from truing.diagnose.simulation import stubs as stage
 from truing.diagnose.simulation.jit import cached
@@ -39,21 +37,21 @@ def ground_motion(
     first : shape (n,), 1 at a segment's first row: no motion is known there.
     out : shape (n, 3): forward m, turn rad, lateral 0 (written).
     """
-    wheel = np.zeros(2)
     for row in range(travel.shape[0]):
         out[row, 2] = 0.0
         if first[row] != 0.0:
             out[row, 0] = 0.0
             out[row, 1] = 0.0
             continue
+        forward, turn = 0.0, 0.0
         for w in range(2):
-            wheel[w] = stage.ground(
+            wheel = stage.ground(
                 p, active, w, travel[row, w], dt[row], angles[row, w], angles[row - 1, w], origins[row, w],
                 radius, top[w],
             )  # fmt: skip
-            wheel[w] -= lost[row, w]
-        forward = 0.5 * (wheel[0] + wheel[1])
-        turn = (wheel[1] - wheel[0]) / wheelbase
+            wheel -= lost[row, w]
+            forward += 0.5 * wheel
+            turn += (2.0 * w - 1.0) * wheel / wheelbase
         out[row, 1] = stage.turning(p, active, turn, forward)
         out[row, 0] = stage.distance(p, active, forward)
 

@@ -1,4 +1,8 @@
-"""Typed doors to numba for the simulation's functions."""
+"""Typed doors to numba for the simulation's functions.
+
+None of them may allocate: without numba's reference counts (`_nrt=False`) calls that pass arrays cost half.
+`fastmath` stays off: it would change the treatment of denormals for the whole process.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +16,24 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 
 def compiled(function: Function) -> Function:
     """Compile as part of whatever calls it; nothing of its own on disk, since it depends on the effects."""
-    return cast(Function, numba.njit(nogil=True, error_model="numpy")(function))
+    return cast(
+        Function,
+        numba.njit(
+            nogil=True, error_model="numpy", _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True
+        )(function),
+    )
 
 
 def cached(function: Function) -> Function:
-    """Compile, and keep the machine code in NUMBA_CACHE_DIR.
+    """Compile for Python to call, and keep the machine code in NUMBA_CACHE_DIR."""
+    return cast(
+        Function,
+        numba.njit(nogil=True, error_model="numpy", _nrt=False, no_cfunc_wrapper=True, cache=True)(function),
+    )
 
-    `fastmath` stays off: it would change the treatment of denormals for the whole process.
-    """
-    return cast(Function, numba.njit(nogil=True, error_model="numpy", cache=True)(function))
+
+def fleeting(function: Function) -> Function:
+    """Compile for Python to call, in memory alone."""
+    return cast(
+        Function, numba.njit(nogil=True, error_model="numpy", _nrt=False, no_cfunc_wrapper=True)(function)
+    )

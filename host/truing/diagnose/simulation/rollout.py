@@ -9,27 +9,30 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from truing.diagnose.data import FloatArray, IntArray
 from truing.diagnose.simulation import stubs as stage
-from truing.diagnose.simulation.bodies import BODY_ROWS, GROUND, SCRATCH, start_bodies
+from truing.diagnose.simulation.bodies import start_bodies
 from truing.diagnose.simulation.jit import cached, compiled
-from truing.diagnose.simulation.step import (
+from truing.diagnose.simulation.rows import (
+    ANGLE_START,
+    COMMAND,
     DRAW,
     DUTY,
+    EDGE,
+    GROUND,
+    GROUND_BEFORE,
     HEAT,
-    MEMORY_COLUMNS,
-    MEMORY_ROWS,
-    OF_SPAN,
+    MEMORY_END,
+    ORIGIN,
+    PIECE,
+    ROWS,
     SPEED,
-    STATE_ROWS,
     TARGET,
-    TINY_S,
     TRAVEL,
-    WORK_ROWS,
-    step,
+    TRAVEL_BEFORE,
+    WHOLE,
 )
+from truing.diagnose.simulation.step import TINY_S, step
 
 MAX_EVENTS = 200
 
@@ -69,6 +72,9 @@ def rollout(
     radius: float,
     top: FloatArray,
     slows: FloatArray,
+    k: FloatArray,
+    states: FloatArray,
+    before: FloatArray,
     out: FloatArray,
     lost: FloatArray,
     heat: FloatArray,
@@ -96,61 +102,54 @@ def rollout(
     radius : m, or 1 where it is not known.
     top : shape (2,), m/s, the baseline's full-effort speeds.
     slows : shape (slots, n, 2), slow states of effects, already known.
+    k : shape (ROWS, 2), what the simulation works in (`rows.py`).
+    states, before : shape (STATE_SLOTS, 2), scratch: effects' states now and at the row's start.
     out : shape (n, 2), m/s, the speed that the recorder would report (written).
     lost : shape (n, 2), m, encoder travel minus ground travel in the row's interval (written).
     heat, draw : shapes (n, 2), (n,): see `stages.SLOW_CONTEXT` (written if `track`).
     """
-    x = np.zeros((STATE_ROWS, 2))
-    k = np.zeros((WORK_ROWS, 2))
-    m = np.zeros((MEMORY_ROWS, MEMORY_COLUMNS))
-    states = np.zeros((stage.STATE_SLOTS, 2))
-    before = np.zeros((stage.STATE_SLOTS, 2))
-    angle = np.zeros((3, 2))  # measured, at the substep's two ends and at the start of the run
-    command = np.zeros(2)
-    travel = np.zeros(2)
-    piece = np.zeros(2, dtype=np.int64)
+    for i in range(ROWS):
+        k[i, 0], k[i, 1] = 0.0, 0.0
     late = stage.delay(p, active)
     lag = stage.lag(p, active) if active & stage.USES_LAG else 0.0
     split = active & (stage.USES_GAP | stage.USES_GRIP) != 0
-    b = np.zeros((BODY_ROWS, 2))
-    c = np.zeros(SCRATCH)
-    grounded = np.zeros(2)
-    edge = np.zeros(2)
     known_gap = False
     for segment in chosen:
         first, end = start[segment], start[segment + 1]
-        for i in range(MEMORY_ROWS):
-            m[i, OF_SPAN] = -1.0
+        for i in range(WHOLE, MEMORY_END):
+            k[i, 0], k[i, 1] = -1.0, -1.0
         for w in range(2):
-            x[SPEED, w] = initial[segment, w]
-            x[TRAVEL, w] = 0.0
+            k[SPEED, w] = initial[segment, w]
+            k[TRAVEL, w] = 0.0
             for i in range(stage.STATE_SLOTS):
                 states[i, w] = initial[segment, w]
             out[first, w] = initial[segment, w]
             lost[first, w] = 0.0
             heat[first, w] = 0.0
-            piece[w] = first_piece[w, segment]
+            k[PIECE, w] = first_piece[w, segment]
             # What was commanded before the first row's interval is unknown: nothing, for a start at rest.
-            command[w] = piece_effort[w, piece[w]] if initial[segment, w] != 0.0 else 0.0
-            k[TARGET, w] = stage.drive(p, active, w, command[w]) if active & stage.USES_DRIVE else command[w]
-            x[DUTY, w] = k[TARGET, w]
-            angle[2, w] = origins[segment, w]
-            start_bodies(b, w, initial[segment, w], known_gap)
+            k[COMMAND, w] = piece_effort[w, int(k[PIECE, w])] if initial[segment, w] != 0.0 else 0.0
+            k[TARGET, w] = (
+                stage.drive(p, active, w, k[COMMAND, w]) if active & stage.USES_DRIVE else k[COMMAND, w]
+            )
+            k[DUTY, w] = k[TARGET, w]
+            k[ORIGIN, w] = origins[segment, w]
+            start_bodies(k, w, initial[segment, w], known_gap)
         known_gap = True
         draw[first] = 0.0
         now = t[first]
         arrival = t[first] - interval[segment] + late
         arrived = False
         fresh = True
-        edge[0], edge[1] = -math.inf, -math.inf
+        k[EDGE, 0], k[EDGE, 1] = -math.inf, -math.inf
         for row in range(first + 1, end):
-            travel[0], travel[1] = x[TRAVEL, 0], x[TRAVEL, 1]
-            grounded[0], grounded[1] = b[GROUND, 0], b[GROUND, 1]
+            k[TRAVEL_BEFORE, 0], k[TRAVEL_BEFORE, 1] = k[TRAVEL, 0], k[TRAVEL, 1]
+            k[GROUND_BEFORE, 0], k[GROUND_BEFORE, 1] = k[GROUND, 0], k[GROUND, 1]
             for i in range(stage.STATE_SLOTS):
                 before[i, 0], before[i, 1] = states[i, 0], states[i, 1]
-            x[HEAT, 0] = 0.0
-            x[HEAT, 1] = 0.0
-            x[DRAW, 0] = 0.0
+            k[HEAT, 0] = 0.0
+            k[HEAT, 1] = 0.0
+            k[DRAW, 0] = 0.0
             while now < t[row] - TINY_S:
                 until = t[row]
                 if not arrived and now >= arrival - TINY_S:
@@ -161,25 +160,27 @@ def rollout(
                 else:
                     for w in range(2):
                         last = first_piece[w, segment + 1] - 1
-                        while piece[w] < last and piece_end[w, piece[w]] + late <= now + TINY_S:
-                            piece[w] += 1
+                        while k[PIECE, w] < last and piece_end[w, int(k[PIECE, w])] + late <= now + TINY_S:
+                            k[PIECE, w] += 1.0
                             fresh = True
                         if fresh:
-                            edge[w] = piece_end[w, piece[w]] + late if piece[w] < last else math.inf
-                        until = min(until, edge[w])
+                            k[EDGE, w] = (
+                                piece_end[w, int(k[PIECE, w])] + late if k[PIECE, w] < last else math.inf
+                            )
+                        until = min(until, k[EDGE, w])
                     if fresh:
                         for w in range(2):
-                            command[w] = piece_effort[w, piece[w]]
+                            k[COMMAND, w] = piece_effort[w, int(k[PIECE, w])]
                             k[TARGET, w] = (
-                                stage.drive(p, active, w, command[w])
+                                stage.drive(p, active, w, k[COMMAND, w])
                                 if active & stage.USES_DRIVE
-                                else command[w]
+                                else k[COMMAND, w]
                             )
                         if lag > 0.0 and arrival <= t[first] and now <= t[first]:
                             # At a start in motion the lag has long followed what was commanded.
                             for w in range(2):
                                 if initial[segment, w] != 0.0:
-                                    x[DUTY, w] = k[TARGET, w]
+                                    k[DUTY, w] = k[TARGET, w]
                         fresh = False
                 span = until - now
                 count = 1 if step_s == math.inf else max(1, math.ceil(span / step_s - 1e-9))
@@ -192,7 +193,7 @@ def rollout(
                             for w in range(2):
                                 for side in range(2):
                                     z = (at + side * left - t[row - 1]) / dt[row]
-                                    angle[side, w] = hermite(
+                                    k[ANGLE_START + side, w] = hermite(
                                         angles[row - 1, w],
                                         angles[row, w],
                                         angle_rates[row - 1, w],
@@ -203,25 +204,22 @@ def rollout(
                         z = (at + 0.5 * left - t[row - 1]) / dt[row]
                         facing = heading[row - 1] + z * (heading[row] - heading[row - 1])
                         since = elapsed[row] - t[row] + at + 0.5 * left
-                        done = step(
-                            p, active, x, k, m, b, c, command, left, row, since,
-                            slows, angle, facing, radius, states, track,
-                        )  # fmt: skip
+                        done = step(p, active, k, left, row, since, slows, facing, radius, states, track)
                         left -= done
                         if left <= TINY_S:
                             break
                 now = until
             for w in range(2):
-                increment = x[TRAVEL, w] - travel[w]
-                lost[row, w] = increment - (b[GROUND, w] - grounded[w]) if split else 0.0
+                increment = k[TRAVEL, w] - k[TRAVEL_BEFORE, w]
+                lost[row, w] = increment - (k[GROUND, w] - k[GROUND_BEFORE, w]) if split else 0.0
                 if active & stage.USES_MEASURE:
                     increment = stage.measure(
                         p, active, w, increment, dt[row], angles[row, w], angles[row - 1, w],
-                        angle[2, w], radius, top[w], states, before,
+                        k[ORIGIN, w], radius, top[w], states, before,
                     )  # fmt: skip
                 out[row, w] = increment / dt[row]
-                heat[row, w] = x[HEAT, w] / dt[row]
-            draw[row] = x[DRAW, 0] / dt[row]
+                heat[row, w] = k[HEAT, w] / dt[row]
+            draw[row] = k[DRAW, 0] / dt[row]
 
 
 @cached

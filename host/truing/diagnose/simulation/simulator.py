@@ -15,6 +15,7 @@ from truing.diagnose.catalogue import CATALOGUE, Catalogue
 from truing.diagnose.data import BoolArray, FloatArray, IntArray, SetData
 from truing.diagnose.effect import Parameter, Scale
 from truing.diagnose.simulation.assemble import BASELINE_PARAMETERS, kernel_of, parameter_offsets
+from truing.diagnose.simulation.rows import ROWS
 from truing.diagnose.simulation.windows import Windows, pose_windows
 from truing.errors import TruingError
 
@@ -341,12 +342,16 @@ class SetSimulator:
     def _new_scratch(self) -> dict[str, FloatArray]:
         n = len(self.data)
         slots = int(self._kernel.stage.SLOW_SLOTS)
+        states = int(self._kernel.stage.STATE_SLOTS)
         return {
             "out": np.zeros((n, 2)),
             "lost": np.zeros((n, 2)),
             "heat": np.zeros((n, 2)),
             "draw": np.zeros(n),
             "slows": np.zeros((slots, n, 2)),
+            "work": np.zeros((ROWS, 2)),
+            "states": np.zeros((states, 2)),
+            "before": np.zeros((states, 2)),
         }
 
     def _check_baseline_effects(self) -> None:
@@ -430,6 +435,9 @@ class SetSimulator:
             self._radius,
             self._top,
             scratch["slows"],
+            scratch["work"],
+            scratch["states"],
+            scratch["before"],
             scratch["out"],
             scratch["lost"],
             scratch["heat"],

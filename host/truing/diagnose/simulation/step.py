@@ -16,19 +16,48 @@ import math
 
 from truing.diagnose.data import FloatArray
 from truing.diagnose.simulation import stubs as stage
-from truing.diagnose.simulation.bodies import MOTOR, advance_bodies
+from truing.diagnose.simulation.bodies import advance_bodies
 from truing.diagnose.simulation.jit import compiled
-
-# Rows of the state, one column per wheel.
-SPEED, TRAVEL, DUTY, HEAT, DRAW, STATE_ROWS = 0, 1, 2, 3, 4, 5
-# Rows of the work array: what holds over one substep, one column per wheel.
-AT, LEVEL, RATE, HELD, DIRECTION, TARGET, MEAN, EFFORT, PUSH, LOSS, SLOPE = range(11)
-START, OWN, LIMITED, GAIN, CALM, SWING, END, GONE, NET = range(11, 20)
-WORK_ROWS = 20
-# Rows of the memory of exponentials: whole and half substep by wheel, lag, lag against wheel.
-WHOLE, HALF, LAG, AGAINST, MEMORY_ROWS = 0, 2, 4, 5, 7
-# Columns of a memory's row.
-OF_RATE, OF_SPAN, INTEGRAL, KEEP, MEMORY_COLUMNS = 0, 1, 2, 3, 4
+from truing.diagnose.simulation.rows import (
+    AGAINST,
+    ANGLE_END,
+    ANGLE_START,
+    AT,
+    CALM,
+    COMMAND,
+    DIRECTION,
+    DRAW,
+    DUTY,
+    EFFORT,
+    END,
+    GAIN,
+    GONE,
+    HALF,
+    HEAT,
+    HELD,
+    INTEGRAL,
+    KEEP,
+    LAG,
+    LEVEL,
+    LIMITED,
+    LOSS,
+    MEAN,
+    MOTOR,
+    NET,
+    OF_RATE,
+    OF_SPAN,
+    ORIGIN,
+    OWN,
+    PUSH,
+    RATE,
+    SLOPE,
+    SPEED,
+    START,
+    SWING,
+    TARGET,
+    TRAVEL,
+    WHOLE,
+)
 
 TINY_S = 1e-10
 # Spans that differ by less are the same span.
@@ -53,13 +82,13 @@ def decay_integral(rate: float, h: float) -> float:
 
 
 @compiled
-def remember(m: FloatArray, i: int, rate: float, h: float) -> None:
-    """Have (1 - exp(-rate h)) / rate and exp(-rate h) in row i of the memory."""
-    if m[i, OF_RATE] != rate or abs(m[i, OF_SPAN] - h) > SAME_S:
-        m[i, OF_RATE] = rate
-        m[i, OF_SPAN] = h
-        m[i, INTEGRAL] = decay_integral(rate, h)
-        m[i, KEEP] = 1.0 - rate * m[i, INTEGRAL]
+def remember(k: FloatArray, block: int, w: int, rate: float, h: float) -> None:
+    """Have (1 - exp(-rate h)) / rate and exp(-rate h) in a block of the memory."""
+    if k[block + OF_RATE, w] != rate or abs(k[block + OF_SPAN, w] - h) > SAME_S:
+        k[block + OF_RATE, w] = rate
+        k[block + OF_SPAN, w] = h
+        k[block + INTEGRAL, w] = decay_integral(rate, h)
+        k[block + KEEP, w] = 1.0 - rate * k[block + INTEGRAL, w]
 
 
 @compiled
@@ -67,11 +96,9 @@ def evaluate(
     p: FloatArray,
     active: int,
     k: FloatArray,
-    command: FloatArray,
     row: int,
     elapsed: float,
     slows: FloatArray,
-    angle: FloatArray,
     heading: float,
     limit: float,
     starting: bool,
@@ -91,12 +118,19 @@ def evaluate(
         if starting:
             if active & stage.USES_PUSH:
                 k[PUSH, w] = stage.push(
-                    p, active, w, angle[0, w], angle[1, w], angle[2, w], heading, p[2 * w + 1] / p[2 * w]
+                    p,
+                    active,
+                    w,
+                    k[ANGLE_START, w],
+                    k[ANGLE_END, w],
+                    k[ORIGIN, w],
+                    heading,
+                    p[2 * w + 1] / p[2 * w],
                 )
             k[DIRECTION, w] = math.copysign(1.0, v if v != 0.0 else k[START, w] * voltage + k[PUSH, w])
     for again in range(2):
         for w in range(2):
-            _inertial(p, active, k, command[w], row, elapsed, slows, limit, w, starting)
+            _inertial(p, active, k, row, elapsed, slows, limit, w, starting)
         if again == 1 or not starting or not active & stage.USES_SCRUB:
             break
         if not _shear(k, limit, shear):
@@ -136,7 +170,6 @@ def _inertial(
     p: FloatArray,
     active: int,
     k: FloatArray,
-    command: float,
     row: int,
     elapsed: float,
     slows: FloatArray,
@@ -149,9 +182,9 @@ def _inertial(
     if starting:
         gain, tau = p[2 * w], p[2 * w + 1]
         if active & stage.USES_GAIN:
-            gain *= stage.gain(p, active, w, row, slows, s, command, elapsed)
+            gain *= stage.gain(p, active, w, row, slows, s, k[COMMAND, w], elapsed)
         if active & stage.USES_INERTIA:
-            tau *= stage.inertia(p, active, w, row, slows, s, command, elapsed)
+            tau *= stage.inertia(p, active, w, row, slows, s, k[COMMAND, w], elapsed)
         k[GAIN, w] = gain
         k[CALM, w] = 1.0 / tau
         k[SLOPE, w] = gain / tau
@@ -230,14 +263,14 @@ def _couple(k: FloatArray, share: float, starting: bool) -> None:
 
 
 @compiled
-def _lock(x: FloatArray, k: FloatArray, m: FloatArray, h: float, shear: float) -> None:
+def _lock(k: FloatArray, h: float, shear: float) -> None:
     """Scrub that keeps two wheels of equal speed equal over a substep, as far as it reaches."""
     apart, pull = 0.0, 0.0
     for w in range(2):
-        remember(m, WHOLE + w, k[RATE, w], h)
-        end = x[SPEED, w] * m[WHOLE + w, KEEP] + k[LEVEL, w] * m[WHOLE + w, INTEGRAL]
+        remember(k, WHOLE, w, k[RATE, w], h)
+        end = k[SPEED, w] * k[WHOLE + KEEP, w] + k[LEVEL, w] * k[WHOLE + INTEGRAL, w]
         apart += (1.0 - 2.0 * w) * end
-        pull += k[SLOPE, w] * m[WHOLE + w, INTEGRAL]
+        pull += k[SLOPE, w] * k[WHOLE + INTEGRAL, w]
     wanted = apart / pull
     if abs(wanted) > shear:
         wanted = math.copysign(shear, wanted)
@@ -247,37 +280,37 @@ def _lock(x: FloatArray, k: FloatArray, m: FloatArray, h: float, shear: float) -
 
 
 @compiled
-def _speed_after(x: FloatArray, k: FloatArray, w: int, h: float, lag: float, share: float) -> float:
+def _speed_after(k: FloatArray, w: int, h: float, lag: float, share: float) -> float:
     """Speed of one wheel after `h`; `share` is the part of `swing` that `level` holds already."""
     rate = k[RATE, w]
     integral = decay_integral(rate, h)
     keep = 1.0 - rate * integral
-    speed = x[SPEED, w] * keep + k[LEVEL, w] * integral
+    speed = k[SPEED, w] * keep + k[LEVEL, w] * integral
     if lag > 0.0 and k[SWING, w] != 0.0:
         speed += k[SWING, w] * (keep * decay_integral(1.0 / lag - rate, h) - share * integral)
     return float(speed)
 
 
 @compiled
-def _crossing(x: FloatArray, k: FloatArray, w: int, h: float, goal: float, lag: float, share: float) -> float:
+def _crossing(k: FloatArray, w: int, h: float, goal: float, lag: float, share: float) -> float:
     """When a wheel reaches the goal, s, where it has crossed it by `h`; negative if it does not.
 
     With w = MEETING it is the difference of both wheels' speeds that reaches zero.
     """
     if w != MEETING and (lag <= 0.0 or k[SWING, w] == 0.0):
-        v, level, rate = x[SPEED, w], k[LEVEL, w], k[RATE, w]
+        v, level, rate = k[SPEED, w], k[LEVEL, w], k[RATE, w]
         if abs(rate) < 1e-9:
             return float((goal - v) / level) if level != 0.0 else -1.0
         ratio = (level - rate * v) / (level - rate * goal) if level != rate * goal else 0.0
         return float(math.log(ratio) / rate) if ratio > 0.0 else -1.0
     low, high = 0.0, h
-    before = x[SPEED, 0] - x[SPEED, 1] if w == MEETING else x[SPEED, w] - goal
+    before = k[SPEED, 0] - k[SPEED, 1] if w == MEETING else k[SPEED, w] - goal
     half = h
     for turn in range(BISECTIONS):
         if w == MEETING:
-            now = _speed_after(x, k, 0, half, lag, share) - _speed_after(x, k, 1, half, lag, share)
+            now = _speed_after(k, 0, half, lag, share) - _speed_after(k, 1, half, lag, share)
         else:
-            now = _speed_after(x, k, w, half, lag, share) - goal
+            now = _speed_after(k, w, half, lag, share) - goal
         if turn == 0 and before * now >= 0.0:
             return -1.0
         if before * now > 0.0:
@@ -308,17 +341,11 @@ def _breakaway(k: FloatArray, lag: float, w: int, h: float) -> float:
 def step(
     p: FloatArray,
     active: int,
-    x: FloatArray,
     k: FloatArray,
-    m: FloatArray,
-    b: FloatArray,
-    c: FloatArray,
-    command: FloatArray,
     h_wanted: float,
     row: int,
     elapsed: float,
     slows: FloatArray,
-    angle: FloatArray,
     heading: float,
     radius: float,
     states: FloatArray,
@@ -336,32 +363,32 @@ def step(
     for attempt in range(LAST_ATTEMPT + 1):
         share = 1.0
         if lag > 0.0:
-            remember(m, LAG, 1.0 / lag, h)
-            share = m[LAG, INTEGRAL] / h
+            remember(k, LAG, 0, 1.0 / lag, h)
+            share = k[LAG + INTEGRAL, 0] / h
         for w in range(2):
-            k[AT, w] = x[SPEED, w]
-            k[START, w] = x[DUTY, w] if lag > 0.0 else k[TARGET, w]
+            k[AT, w] = k[SPEED, w]
+            k[START, w] = k[DUTY, w] if lag > 0.0 else k[TARGET, w]
             k[MEAN, w] = k[TARGET, w] + (k[START, w] - k[TARGET, w]) * share
         k[OWN, 0] = 0.0
         k[OWN, 1] = 0.0
         for part in range(2):
-            evaluate(p, active, k, command, row, elapsed, slows, angle, heading, limit, part == 0)
+            evaluate(p, active, k, row, elapsed, slows, heading, limit, part == 0)
             if part == 1 or not middle:
                 break
             for w in range(2):
                 if k[HELD, w] == 0.0:
-                    remember(m, HALF + w, k[RATE, w], 0.5 * h)
-                    v = x[SPEED, w] * m[HALF + w, KEEP] + k[LEVEL, w] * m[HALF + w, INTEGRAL]
+                    remember(k, HALF, w, k[RATE, w], 0.5 * h)
+                    v = k[SPEED, w] * k[HALF + KEEP, w] + k[LEVEL, w] * k[HALF + INTEGRAL, w]
                     k[AT, w] = 0.0 if turns and v * k[DIRECTION, w] < 0.0 else v
         if split:
             break
         if k[OWN, 1] != 0.0:
-            _lock(x, k, m, h, stage.scrub(p, active))
+            _lock(k, h, stage.scrub(p, active))
         # The first event inside the substep.
         first = h
         known, event = event, NO_EVENT
         for w in range(2):
-            v = x[SPEED, w]
+            v = k[SPEED, w]
             k[END, w] = v
             if k[HELD, w] != 0.0:
                 if lag > 0.0 and v == 0.0:
@@ -370,11 +397,11 @@ def step(
                         first, event = when + PAST_EVENT_S, PAST
                 continue
             rate = k[RATE, w]
-            remember(m, WHOLE + w, rate, h)
-            end = v * m[WHOLE + w, KEEP] + k[LEVEL, w] * m[WHOLE + w, INTEGRAL]
+            remember(k, WHOLE, w, rate, h)
+            end = v * k[WHOLE + KEEP, w] + k[LEVEL, w] * k[WHOLE + INTEGRAL, w]
             if lag > 0.0 and k[SWING, w] != 0.0:
-                remember(m, AGAINST + w, 1.0 / lag - rate, h)
-                rest = m[WHOLE + w, KEEP] * m[AGAINST + w, INTEGRAL] - share * m[WHOLE + w, INTEGRAL]
+                remember(k, AGAINST, w, 1.0 / lag - rate, h)
+                rest = k[WHOLE + KEEP, w] * k[AGAINST + INTEGRAL, w] - share * k[WHOLE + INTEGRAL, w]
                 end += k[SWING, w] * rest
             k[END, w] = end
             if known == w and abs(end - goal) < SAME_MPS:
@@ -386,25 +413,25 @@ def step(
                 seek = True
                 top = math.copysign(ceiling, end)
             if seek:
-                when = _crossing(x, k, w, h, top, lag, share)
+                when = _crossing(k, w, h, top, lag, share)
                 if 0.0 <= when < first:
                     first, event, goal = when, w, top
             if lag <= 0.0 and k[LIMITED, w] != 0.0:
                 out = k[GAIN, w] * (k[EFFORT, w] - k[LIMITED, w] * limit)
                 if (end - out) * (v - out) < 0.0 and 0.0 <= (out - v) / k[LEVEL, w] < first:
                     first, event = (out - v) / k[LEVEL, w] + PAST_EVENT_S, PAST
-        if active & stage.USES_SCRUB and k[OWN, 1] == 0.0 and x[SPEED, 0] != x[SPEED, 1]:
-            when = _crossing(x, k, MEETING, h, 0.0, lag, share)
+        if active & stage.USES_SCRUB and k[OWN, 1] == 0.0 and k[SPEED, 0] != k[SPEED, 1]:
+            when = _crossing(k, MEETING, h, 0.0, lag, share)
             if 0.0 <= when < first:
                 first, event = when, MEETING
         if event == NO_EVENT or first >= h * (1.0 - 1e-9) or attempt == LAST_ATTEMPT:
             break
         h = max(first, TINY_S)
     if split:
-        _step_bodies(p, active, k, b, c, h, limit, radius)
+        _step_bodies(p, active, k, h, limit, radius)
     else:
         for w in range(2):
-            v, rate = x[SPEED, w], k[RATE, w]
+            v, rate = k[SPEED, w], k[RATE, w]
             if k[HELD, w] != 0.0:
                 k[GONE, w] = v * h
                 continue
@@ -421,15 +448,15 @@ def step(
             k[END, 1] = k[END, 0]
     for w in range(2):
         if lag > 0.0:
-            x[DUTY, w] = k[TARGET, w] + (x[DUTY, w] - k[TARGET, w]) * m[LAG, KEEP]
+            k[DUTY, w] = k[TARGET, w] + (k[DUTY, w] - k[TARGET, w]) * k[LAG + KEEP, 0]
         if track:
             current = k[EFFORT, w] - k[GONE, w] / (h * p[2 * w])
-            x[HEAT, w] += current * current * h
-            x[DRAW, 0] += 0.5 * k[MEAN, w] * current * h
+            k[HEAT, w] += current * current * h
+            k[DRAW, 0] += 0.5 * k[MEAN, w] * current * h
         if active & stage.USES_AFTER_STEP:
-            stage.after_step(p, active, w, states, h, x[SPEED, w], k[END, w], k[GONE, w])
-        x[TRAVEL, w] += k[GONE, w]
-        x[SPEED, w] = k[END, w]
+            stage.after_step(p, active, w, states, h, k[SPEED, w], k[END, w], k[GONE, w])
+        k[TRAVEL, w] += k[GONE, w]
+        k[SPEED, w] = k[END, w]
     return h
 
 
@@ -438,8 +465,6 @@ def _step_bodies(
     p: FloatArray,
     active: int,
     k: FloatArray,
-    b: FloatArray,
-    c: FloatArray,
     h: float,
     limit: float,
     radius: float,
@@ -457,8 +482,7 @@ def _step_bodies(
         if k[HELD, w] == 0.0:
             pushed = k[LEVEL, w] / k[SLOPE, w] + k[DIRECTION, w] * k[LOSS, w] - motor
         k[GONE, w] = advance_bodies(
-            b,
-            c,
+            k,
             w,
             h,
             motor,
@@ -472,4 +496,4 @@ def _step_bodies(
             grip,
             spin,
         )
-        k[END, w] = b[MOTOR, w]
+        k[END, w] = k[MOTOR, w]
