@@ -92,6 +92,7 @@ class Effect:
     exercised : 0 where these recordings could not show it, above 0 weakly, 1 or more fully.
     step_share : the largest substep that solves it accurately, as a share of the baseline's smaller time
         constant; infinite where any step is exact.
+    settles : at steady speeds longer substeps do.
     exact : any step is exact while no other effect asks for a `step_share`.
     units : units of reported parameters that are no parameter of the same name here.
     couples : it lets one wheel move the other, so that the wheels cannot be perturbed in one rollout.
@@ -112,6 +113,7 @@ class Effect:
     from_baseline: Callable[[Mapping[str, float]], dict[str, float]] = identity
     exercised: Callable[[SetData], float] = always
     step_share: float = float("inf")
+    settles: bool = True
     exact: bool = False
     couples: bool = False
     units: Mapping[str, str] = field(default_factory=dict)

@@ -37,13 +37,11 @@ def push(
     origin: float,
 ) -> float:
     """Mean effort of the ripple over the substep."""
-    begin = per_revolution * (angle_start - per_run * origin)
-    turn = per_revolution * (angle_end - angle_start)
-    if abs(turn) < 1e-3:
-        return own_sine * math.sin(begin + 0.5 * turn) + own_cosine * math.cos(begin + 0.5 * turn)
-    swing = own_sine * (math.cos(begin) - math.cos(begin + turn))
-    swing += own_cosine * (math.sin(begin + turn) - math.sin(begin))
-    return swing / turn
+    middle = per_revolution * (0.5 * (angle_start + angle_end) - per_run * origin)
+    half = 0.5 * per_revolution * (angle_end - angle_start)
+    square = half * half
+    mean = 1.0 - square / 6.0 * (1.0 - square / 20.0) if square < 1e-2 else math.sin(half) / half
+    return mean * (own_sine * math.sin(middle) + own_cosine * math.cos(middle))
 
 
 def _report(values: Mapping[str, float]) -> dict[str, float]:
@@ -102,4 +100,5 @@ EFFECT = Effect(
     units={"amplitude_left": "effort", "amplitude_right": "effort"},
     exercised=_exercised,
     step_share=0.03,
+    settles=False,
 )

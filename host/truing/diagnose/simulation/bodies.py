@@ -37,8 +37,8 @@ LEAST_SHARE = 0.02
 MAX_EVENTS = 1000
 TINY_S = 1e-10
 PAST_EVENT_S = 1e-7
-# A flight through the gap is looked at this often, as a share of the motor side's time constant.
-FLIGHT_SHARE = 0.02
+SAME_MPS = 1e-9
+BISECTIONS = 45
 
 
 @compiled
@@ -80,6 +80,40 @@ def _cluster(
 
 
 @compiled
+def _drift(k: FloatArray, h: float) -> float:
+    """Speed of the motor's side against the wheel's after `h`."""
+    return _end(k, MOTOR_SIDE, h) - _end(k, WHEEL_SIDE, h)
+
+
+@compiled
+def _same_way(k: FloatArray, h: float) -> float:
+    """How long up to `h` the motor's side drifts one way through the gap, s.
+
+    The drift is an exponential and a line: its slope changes sign once at most, and between that and either
+    end the drift does so once at most.
+    """
+    rate = k[MOTOR_SIDE + C_RATE, 0]
+    bend = k[MOTOR_SIDE + C_LEVEL, 0] - rate * k[MOTOR_SIDE + C_SPEED, 0]
+    if rate > 0.0 and bend * k[WHEEL_SIDE + C_LEVEL, 0] > 0.0:
+        turn = math.log(bend / k[WHEEL_SIDE + C_LEVEL, 0]) / rate
+        if PAST_EVENT_S < turn < h:
+            h = turn
+    before = _drift(k, 0.0)
+    if abs(before) < SAME_MPS:
+        before = bend - k[WHEEL_SIDE + C_LEVEL, 0]
+    if before * _drift(k, h) >= 0.0:
+        return h
+    low, high = 0.0, h
+    for _ in range(BISECTIONS):
+        half = 0.5 * (low + high)
+        if before * _drift(k, half) > 0.0:
+            low = half
+        else:
+            high = half
+    return high
+
+
+@compiled
 def _copy(k: FloatArray, source: int, goal: int) -> None:
     for i in range(CLUSTER_ROWS):
         k[goal + i, 0] = k[source + i, 0]
@@ -105,7 +139,6 @@ def advance_bodies(
     h: float,
     motor: float,
     back_emf: float,
-    brake: float,
     push: float,
     dry: float,
     slope: float,
@@ -120,7 +153,6 @@ def advance_bodies(
     ----------
     k : shape (ROWS, 2), what a simulation works in.
     motor, back_emf : effort at the motor, and how much of it is lost per m/s.
-    brake : the same outside a current limit, for the time scale of a flight through the gap.
     push, dry : effort on the wheel at all times, and dry friction.
     slope : acceleration of everything together per effort, m/s^2.
     gap : m at the rim; `k[PLACE]` is the motor's place in it, 0 (behind) to 1 (ahead).
@@ -194,7 +226,7 @@ def advance_bodies(
         now = left
         event = 0
         if touch == 0.0:
-            now = min(now, FLIGHT_SHARE * m / (slope * brake))
+            now = _same_way(k, now)
         elif has_gap and k[MOTOR_SIDE + C_HELD, 0] == 0.0:
             # The gap opens where the motor's side hands nothing on.
             v, level, rate = k[MOTOR_SIDE + C_SPEED, 0], k[MOTOR_SIDE + C_LEVEL, 0], k[MOTOR_SIDE + C_RATE, 0]
@@ -223,7 +255,7 @@ def advance_bodies(
                 wall = 0.0 if place < 0.0 else 1.0
                 outward = 2.0 * wall - 1.0
                 low, high = 0.0, now
-                for _ in range(45):
+                for _ in range(BISECTIONS):
                     half = 0.5 * (low + high)
                     if (
                         outward
@@ -240,7 +272,7 @@ def advance_bodies(
                 now, event = high, 3 if wall == 0.0 else 4
         if not rolls and sliding * (_end(k, WHEEL_SIDE, now) - _end(k, ROBOT_SIDE, now)) < 0.0:
             low, high = 0.0, now
-            for _ in range(45):
+            for _ in range(BISECTIONS):
                 half = 0.5 * (low + high)
                 if sliding * (_end(k, WHEEL_SIDE, half) - _end(k, ROBOT_SIDE, half)) > 0.0:
                     low = half

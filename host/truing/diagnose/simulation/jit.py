@@ -12,28 +12,20 @@ from typing import Any, TypeVar, cast
 import numba
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+_njit: Any = numba.njit
+_OPTIONS = {"nogil": True, "error_model": "numpy", "_nrt": False, "no_cfunc_wrapper": True}
 
 
 def compiled(function: Function) -> Function:
     """Compile as part of whatever calls it; nothing of its own on disk, since it depends on the effects."""
-    return cast(
-        Function,
-        numba.njit(
-            nogil=True, error_model="numpy", _nrt=False, no_cpython_wrapper=True, no_cfunc_wrapper=True
-        )(function),
-    )
+    return cast(Function, _njit(**_OPTIONS, no_cpython_wrapper=True)(function))
 
 
 def cached(function: Function) -> Function:
     """Compile for Python to call, and keep the machine code in NUMBA_CACHE_DIR."""
-    return cast(
-        Function,
-        numba.njit(nogil=True, error_model="numpy", _nrt=False, no_cfunc_wrapper=True, cache=True)(function),
-    )
+    return cast(Function, _njit(**_OPTIONS, cache=True)(function))
 
 
 def fleeting(function: Function) -> Function:
     """Compile for Python to call, in memory alone."""
-    return cast(
-        Function, numba.njit(nogil=True, error_model="numpy", _nrt=False, no_cfunc_wrapper=True)(function)
-    )
+    return cast(Function, _njit(**_OPTIONS)(function))

@@ -56,6 +56,7 @@ def rollout(
     track: bool,
     chosen: IntArray,
     step_s: float,
+    coarser: FloatArray,
     start: IntArray,
     first_piece: IntArray,
     piece_end: FloatArray,
@@ -90,6 +91,7 @@ def rollout(
     track : keep the currents (`heat`, `draw`).
     chosen : segments to simulate, in order.
     step_s : largest substep; infinite where every step is exact.
+    coarser : shape (n,), how many times longer a substep of this row may be.
     start : shape (segments + 1,), first row of every segment, and n.
     first_piece : shape (2, segments + 1), first piece of every segment by wheel.
     piece_end, piece_effort : shape (2, m), s and effort, padded.
@@ -183,7 +185,7 @@ def rollout(
                                     k[DUTY, w] = k[TARGET, w]
                         fresh = False
                 span = until - now
-                count = 1 if step_s == math.inf else max(1, math.ceil(span / step_s - 1e-9))
+                count = 1 if step_s == math.inf else max(1, math.ceil(span / (step_s * coarser[row]) - 1e-9))
                 size = span / count
                 for part in range(count):
                     left = size

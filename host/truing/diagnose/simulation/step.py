@@ -487,7 +487,6 @@ def _step_bodies(
             h,
             motor,
             back_emf,
-            1.0 / k[GAIN, w],
             pushed,
             k[LOSS, w],
             k[SLOPE, w],
