@@ -103,6 +103,7 @@ def command(
     with _one_line_errors():
         from truing.diagnose.exports import parse_exports, write_exports
         from truing.diagnose.session import Options, diagnose_recordings, read_for_diagnosis
+        from truing.diagnose.simulation.warm import compile_once
         from truing.recording_writer import replace_file
 
         wanted = parse_exports(exports)
@@ -110,6 +111,7 @@ def command(
         if commanded and (wheels_only or wheel is not None or sim_runs is not None):
             raise click.UsageError("--commanded goes without --wheel, --wheels-only and --sim-runs")
         options = Options(sim_runs, wheels_only, jobs, floor_m, commanded, wheel)
+        compile_once(app.note)
         with app.progress("diagnosing") as progress:
             diagnosis = diagnose_recordings(recordings, options, progress)
         _say(app, diagnosis)

@@ -47,6 +47,5 @@ EFFECT = Effect(
     parameters=(Parameter("scrub", "effort", 0.0, 0.6, 0.0, (0.03, 0.1)),),
     exercised=_exercised,
     couples=True,
-    step_share=0.05,
-    exact=True,
+    step_share=0.1,
 )

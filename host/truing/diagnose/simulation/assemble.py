@@ -210,8 +210,9 @@ def _load(name: str, source: str, folder: Path | None) -> ModuleType:
 
 @dataclass(frozen=True)
 class Kernel:
-    """The compiled simulation of one catalogue; each function is compiled at its first call."""
+    """The simulation of one catalogue, named by `mark`; each function is compiled at its first call."""
 
+    mark: str
     stage: ModuleType
     rollout: Callable[..., None]
     slow: Callable[..., None]
@@ -239,4 +240,6 @@ def kernel_of(catalogue: Catalogue) -> Kernel:
         name = f"truing_{short}_{mark}"
         found |= vars(_load(name, source, folder))
         imports[f"from {module.__name__} import"] = f"from {name} import"
-    return Kernel(stage, found["rollout"], found["slow"], found["ground_motion"], found["windowed_motion"])
+    return Kernel(
+        mark, stage, found["rollout"], found["slow"], found["ground_motion"], found["windowed_motion"]
+    )
