@@ -21,6 +21,11 @@ _LONGEST_CHUNK = MAX_PAYLOAD - LogReadReply.SIZE
 # what a board answers within the first wait.
 _WINDOW_BYTES = 4 * (_LONGEST_CHUNK + FRAME_BYTES)
 _WINDOW_CHUNKS = 12
+_LATEST = 64  # so many requests back an answer is still recognised
+# Once an answer has come too late, those that follow say how long to wait.
+_LATE_MARGIN = 1.5
+_LONGEST_WAIT_S = 2.0
+_FORGET_LATE = 0.9
 # 921600 baud carries 92 bytes a millisecond; slower lines only make the wait too short once.
 _SECONDS_PER_BYTE = 1.0 / 92_160
 
@@ -72,13 +77,15 @@ class _Asked:
     offset: int
     length: int
     again: bool
+    at_s: float
 
 
 class LogDownload:
     """One download of the bytes `keeper` is for.
 
     The board answers in order, so that an answer also says that whatever was asked before it and
-    has not come is lost; a time-out is needed only when the whole window is.
+    has not come is lost; a time-out is needed only when the whole window is. What was given up too
+    early counts when it comes after all: a line may be slower than it was thought to be.
     """
 
     def __init__(self, client: Client, keeper: Keeper) -> None:
@@ -87,6 +94,8 @@ class LogDownload:
         self._chunk = ChunkLength(_LONGEST_CHUNK)
         self._gaps: list[tuple[int, int, bool]] = [(a, b, False) for a, b in keeper.spans.missing]
         self._asked: OrderedDict[int, _Asked] = OrderedDict()
+        self._given_up: OrderedDict[int, _Asked] = OrderedDict()
+        self._late_s = 0.0
         self._requests = self._asked_bytes = self._again_bytes = 0
 
     def run(self, progress: Callable[[float], None] | None = None) -> DownloadReport:
@@ -143,7 +152,7 @@ class LogDownload:
             if self._asked and under_way + length + FRAME_BYTES > _WINDOW_BYTES:
                 return
             sequence = self._client.post(LogReadRequest(offset=start, length=length))
-            self._asked[sequence] = _Asked(start, length, again)
+            self._asked[sequence] = _Asked(start, length, again, self._client.stream.now_s())
             self._requests += 1
             self._asked_bytes += length
             self._again_bytes += length if again else 0
@@ -156,7 +165,7 @@ class LogDownload:
         timing = self._client.timing
         under_way = sum(asked.length + FRAME_BYTES for asked in self._asked.values())
         wait = min(timing.first_wait_s * timing.growth**stalls, timing.longest_wait_s)
-        return wait + under_way * _SECONDS_PER_BYTE
+        return max(wait + under_way * _SECONDS_PER_BYTE, self._late_s)
 
     def _take_answers(self, wait_s: float) -> bool:
         """Take what arrives within `wait_s`; return whether any of it answers this download."""
@@ -165,13 +174,10 @@ class LogDownload:
         while (left := until - stream.now_s()) > 0:
             took = False
             for frame in self._client.receive(left):
-                asked = self._asked.get(frame.sequence)
+                asked = self._claim(frame.sequence)
                 if asked is None:
                     self._client.counts.strays += 1
                     continue
-                while next(iter(self._asked)) != frame.sequence:
-                    self._lose(*self._asked.popitem(last=False))
-                del self._asked[frame.sequence]
                 reply = self._client.unpack(LogReadRequest(asked.offset, asked.length), frame)
                 if reply.offset != asked.offset or len(reply.data) != asked.length:
                     raise LogError(
@@ -186,10 +192,41 @@ class LogDownload:
                 return True
         return False
 
-    def _lose(self, _sequence: int, asked: _Asked) -> None:
+    def _claim(self, sequence: int) -> _Asked | None:
+        """Return what this number asked for, and take it off the lists; None: nothing of this download."""
+        late = self._given_up.pop(sequence, None)
+        if late is not None:
+            self._close_gap(late.offset, late.offset + late.length)
+            self._chunk.came_after_all()
+            self._late_s = self._took_s(late)
+        if sequence not in self._asked:
+            return late
+        while next(iter(self._asked)) != sequence:
+            self._lose(*self._asked.popitem(last=False))
+        asked = self._asked.pop(sequence)
+        if self._late_s > 0.0:
+            self._late_s = max(self._late_s * _FORGET_LATE, self._took_s(asked))
+        return asked
+
+    def _took_s(self, asked: _Asked) -> float:
+        """How long its answer took, with a margin."""
+        return min(_LATE_MARGIN * (self._client.stream.now_s() - asked.at_s), _LONGEST_WAIT_S)
+
+    def _lose(self, sequence: int, asked: _Asked) -> None:
         """Put back what was asked for and did not come; it is asked for again first."""
         self._gaps.insert(0, (asked.offset, asked.offset + asked.length, True))
         self._chunk.lost(asked.length)
+        self._given_up[sequence] = asked
+        if len(self._given_up) > _LATEST:
+            self._given_up.popitem(last=False)
+
+    def _close_gap(self, start: int, end: int) -> None:
+        """Ask no more for these bytes; those that are under way again come twice."""
+        left: list[tuple[int, int, bool]] = []
+        for first, last, again in self._gaps:
+            left.append((first, min(last, start), again))
+            left.append((max(first, end), last, again))
+        self._gaps = [gap for gap in left if gap[0] < gap[1]]
 
     def _give_up_window(self) -> None:
         while self._asked:

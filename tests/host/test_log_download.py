@@ -45,6 +45,18 @@ def test_one_spoiled_byte_in_a_hundred_changes_nothing_but_the_time(seed: int) -
     assert report.asked_bytes < 4 * report.bytes
 
 
+@pytest.mark.parametrize("latency_s", [0.1, 0.5])
+def test_a_line_that_is_slower_than_thought_is_waited_for(latency_s: float) -> None:
+    """Answers that come after they were given up count, and say how long to wait for the next."""
+    board = board_with_log(2000)
+    device = Device(Client(FakeLine(board, latency_s)))
+    data, report = device.read_log(device.log())
+    assert data == board.logs[0].data
+    print(f"{latency_s} s: {report.again_bytes} of {report.bytes} bytes again, {report.seconds:.1f} s")
+    assert report.again_bytes < report.bytes / 2
+    assert device.client.frames_dropped == 0
+
+
 def test_a_download_that_was_cut_resumes_and_asks_only_for_what_is_missing(tmp_path: Path) -> None:
     board = board_with_log(2000)
     line = FakeLine(board)

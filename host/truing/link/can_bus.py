@@ -56,7 +56,10 @@ class AdapterBus:
 
         self.name = f"can:{interface}:{channel}"
         # The wait is for boards that reset when their port is opened; adapters for CAN do not.
-        more: dict[str, Any] = {"sleep_after_open": 0.0} if interface == "slcan" else {}
+        slcan = interface == "slcan"
+        more: dict[str, Any] = {"sleep_after_open": 0.0} if slcan else {}
+        # What this driver takes for a frame may be a confirmation; in this time it looks on.
+        self._shortest_wait_s = 0.001 if slcan else 0.0
         try:
             self._bus = can.Bus(interface=interface, channel=channel, bitrate=bit_rate, **more)
         except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
@@ -90,7 +93,7 @@ class AdapterBus:
         deadline = time.monotonic() + timeout_s
         while True:
             try:
-                message = self._bus.recv(max(0.0, deadline - time.monotonic()))
+                message = self._bus.recv(max(self._shortest_wait_s, deadline - time.monotonic()))
             except (can.CanError, OSError, TypeError) as error:
                 raise self._closed(error) from error
             if message is None:

@@ -30,6 +30,8 @@ _CALL_WAIT_S = 0.15
 _CALLS = 5
 # A peer that leaves a message hanging for so long has lost a frame of it; the board allows as much.
 _SILENCE_S = 0.1
+# Frames that wait for the bus; beyond them the oldest, which has been asked again since, is lost.
+_UNSENT = 16
 _LOGGER = "truing.link.isotp"
 # Each lost frame of a message would make all its others a warning.
 logging.getLogger(_LOGGER).setLevel(logging.ERROR)
@@ -37,8 +39,8 @@ _PARAMETERS = {
     "logger_name": _LOGGER,
     "stmin": 0,
     "blocksize": 0,
-    "rx_consecutive_frame_timeout": 500,
-    "rx_flowcontrol_timeout": 500,
+    "rx_consecutive_frame_timeout": 10_000,
+    "rx_flowcontrol_timeout": 10_000,
     "max_frame_size": 4095,
 }
 
@@ -103,7 +105,8 @@ class CanStream:
         self._open = True
         self._waiting: deque[isotp.CanMessage] = deque()
         self._begun = b""
-        self._moved_s = bus.now_s()
+        self._unsent: deque[bytes] = deque(maxlen=_UNSENT)
+        self._silent_s = 0.0
         address = isotp.Address(
             isotp.AddressingMode.Normal_11bits, txid=CAN_HOST_TO_BOARD + node, rxid=CAN_BOARD_TO_HOST + node
         )
@@ -129,22 +132,26 @@ class CanStream:
     def write(self, data: bytes) -> None:
         """Send the frames in `data`; zeros end them."""
         self._check()
-        self._give_up_hanging()
+        # What has come is answered before anything is added: the board may wait for leave to go on.
+        self._fetch(0.0)
+        self._layer.process()
         *ended, self._begun = (self._begun + data).split(b"\0")
         for stuffed in ended:
-            if stuffed:
-                # What is no frame cannot be sent as one; a serial line would carry it to be dropped there.
-                with contextlib.suppress(cobs.DecodeError):
-                    self._layer.send(cobs.decode(stuffed))
-        self._layer.process()
+            # What is no frame cannot be sent as one; a serial line would carry it to be dropped there.
+            with contextlib.suppress(cobs.DecodeError):
+                frame = cobs.decode(stuffed)
+                # One that is asked again while it still waits here goes once.
+                if frame and frame not in self._unsent:
+                    self._unsent.append(frame)
+        self._send()
 
     def read(self, timeout_s: float) -> bytes:
         """Return what has arrived, waiting up to `timeout_s` for the first message."""
         self._check()
         deadline = self.bus.now_s() + timeout_s
         while True:
-            self._give_up_hanging()
             self._layer.process()
+            self._send()
             received = bytearray()
             while (message := self._layer.recv()) is not None:
                 received += cobs.encode(bytes(message)) + b"\0"
@@ -169,29 +176,39 @@ class CanStream:
             self._open = False
             self.bus.close()
 
-    def _give_up_hanging(self) -> None:
-        """On the bus's clock: the layer's own time-outs run in real time, which a virtual bus outruns."""
-        hanging = self._layer.transmitting() or self._layer.is_rx_active()
-        if hanging and not self._waiting and self.bus.now_s() - self._moved_s >= _SILENCE_S:
-            self._layer.stop_sending()
-            self._layer.stop_receiving()
-            self._moved_s = self.bus.now_s()
+    def _send(self) -> None:
+        """Hand over what waits, one message after the other; most of them need the board's leave to go on."""
+        while self._unsent and not self._layer.transmitting():
+            self._layer.send(self._unsent.popleft())
+            self._layer.process()
 
     def _fetch(self, timeout_s: float) -> None:
-        """Wait for a frame of this board, and take all that are there with it."""
+        """Wait for a frame of this board, and take all that are there with it.
+
+        A peer that has said nothing for long while this side listened has lost a frame. Only listening
+        counts, on the bus's own clock: what came while this program was busy elsewhere is in the adapter,
+        and the layer's own time-outs run in real time, which a virtual bus outruns.
+        """
+        began = self.bus.now_s()
         frame = self.bus.receive(timeout_s)
+        self._silent_s += min(self.bus.now_s() - began, timeout_s)
         while frame is not None:
             can_id, data = frame
             if can_id == CAN_BOARD_TO_HOST + self.node:
-                self._moved_s = self.bus.now_s()
+                self._silent_s = 0.0
                 self._waiting.append(isotp.CanMessage(can_id, len(data), data))
             frame = self.bus.receive(0.0)
+        hanging = self._layer.transmitting() or self._layer.is_rx_active()
+        if hanging and not self._waiting and self._silent_s >= _SILENCE_S:
+            self._layer.stop_sending()
+            self._layer.stop_receiving()
+            self._silent_s = 0.0
 
     def _next_frame(self, _timeout_s: float) -> isotp.CanMessage | None:
         return self._waiting.popleft() if self._waiting else None
 
     def _send_frame(self, message: isotp.CanMessage) -> None:
-        self._moved_s = self.bus.now_s()
+        self._silent_s = 0.0
         self.bus.send(message.arbitration_id, bytes(message.data))
 
     def _check(self) -> None:

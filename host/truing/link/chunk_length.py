@@ -43,6 +43,10 @@ class ChunkLength:
         """A chunk of `length` bytes, or the request for it, did not."""
         self._remember(length, 1.0)
 
+    def came_after_all(self) -> None:
+        """What was taken for lost was only late."""
+        self._losses = max(0.0, self._losses - 1.0)
+
     def _remember(self, length: int, losses: float) -> None:
         self._bytes = self._bytes * _MEMORY + length + FRAME_BYTES
         self._losses = self._losses * _MEMORY + losses
