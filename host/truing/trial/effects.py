@@ -156,7 +156,10 @@ def _side_asymmetry(robot: Robot, strength: float, rng: Rng) -> None:
 
 def _coast_decay(robot: Robot, strength: float, _rng: Rng) -> None:
     # The less viscous friction, the longer a floating motor rolls on.
-    robot.viscous = 0.06 * math.exp(8.0 * (1.0 - strength))
+    before = robot.viscous
+    robot.viscous = 0.06 * math.exp(6.3 * (1.0 - strength))
+    # A motor that drives against more friction is a stronger one; the robot's mass stays what it was.
+    robot.stall_a *= (1.0 + robot.viscous) / (1.0 + before)
     robot.add_hidden(driver__floats_at_zero=1.0)
 
 
