@@ -1,41 +1,131 @@
-"""A picture of every page at both widths, the robot driving: for people to look at."""
+"""A picture of every page at both widths, with runs to look at and the robot driving: for people to judge."""
 
 from __future__ import annotations
 
+import json
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Page, sync_playwright
 
+from web.made_runs import VERDICT
 from web.view_process import ViewProcess
 
 SIZES = {"wide": (1280, 720), "narrow": (390, 844)}
+# Velocities: the desired path is known; the virtual robot's odometry tells the real one.
+TITLE = 'title = "A square with round corners"'
+REST = """
+[[segment]]
+duration_s = 1.0
+twist = { v_mps = 0.0, omega_radps = 0.0 }
+"""
+SIDE = """
+[[segment]]
+duration_s = 2.5
+twist = { v_mps = 0.4, omega_radps = 0.0 }
+[[segment]]
+duration_s = 1.5
+twist = { v_mps = 0.3, omega_radps = 1.0471975512 }
+"""
 
 
 def main(folder: Path) -> None:
+    """Make the pictures in `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
-    view = ViewProcess(folder / "out")
+    out = folder / "out"
+    _runs(out)
+    view = ViewProcess(out)
     try:
         with sync_playwright() as playwright:
             browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
             for size, (width, height) in SIZES.items():
-                for name in ("live", "world", "trajectory"):
+                for name, prepare in PAGES.items():
                     page = browser.new_page(viewport={"width": width, "height": height})
                     page.goto(view.address + ("" if name == "live" else name))
                     page.wait_for_function("window.truing?.live?.samples?.length > 0")
-                    time.sleep(0.5)
-                    page.keyboard.down("ArrowUp")
                     time.sleep(1.0)
-                    page.keyboard.down("ArrowLeft")
-                    time.sleep(1.6)
+                    prepare(page)
                     page.screenshot(path=folder / f"{name}-{size}.png")
                     page.close()
             browser.close()
     finally:
         view.close()
+
+
+def _runs(out: Path) -> None:
+    """Drive a plan on a virtual board, and lay a diagnosis beside it."""
+    from truing.link.connect import VirtualOptions
+    from truing.plan import load_plan
+    from truing.web.board_worker import RunOrder
+    from truing.web.session import ViewOptions, ViewSession
+
+    if (out / "recordings/square/runs").is_dir():
+        return
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "square.toml").write_text(TITLE + REST + 4 * SIDE + REST)
+    session = ViewSession(ViewOptions("sim", VirtualOptions(), out / "recordings/square"))
+    session.start()
+    try:
+        _until(lambda: session.worker.snapshot.link == "connected")
+        for file in (out / "square.toml", "paper/XI", "paper/XVII"):
+            session.worker.run_plan(RunOrder(load_plan(str(file)), session.run_folder, Path(str(file)).stem))
+            _until(lambda: session.worker.snapshot.task is not None and session.worker.snapshot.task.is_over)
+            task = session.worker.snapshot.task
+            if task is None or task.stage != "done":
+                raise SystemExit(f"{file}: {task}")
+    finally:
+        session.close()
+    (out / "diagnoses").mkdir(exist_ok=True)
+    (out / "diagnoses/square.json").write_text(json.dumps(VERDICT))
+
+
+def _until(condition: Callable[[], bool], seconds: float = 120.0) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            raise TimeoutError("the virtual board does not get on")
+        time.sleep(0.1)
+
+
+def _drive(page: Page) -> None:
+    page.keyboard.down("ArrowUp")
+    time.sleep(2.0)
+    page.keyboard.down("ArrowLeft")
+    time.sleep(2.2)
+
+
+def _square(page: Page) -> None:
+    page.get_by_label("Set", exact=True).select_option(label="recordings/square")
+    page.get_by_label("Run", exact=True).select_option(label="01_square")
+    time.sleep(1.0)
+    # The first simulation with effects compiles them.
+    page.get_by_text("simulating").wait_for(state="hidden", timeout=120_000)
+    time.sleep(1.0)
+    page.evaluate("scrollTo(0, 0)")
+
+
+def _compare(page: Page) -> None:
+    page.get_by_role("button", name="The paper's", exact=True).click()
+    _square(page)
+
+
+def _models(page: Page) -> None:
+    page.get_by_role("button", name="Found", exact=True).click()
+    page.get_by_label("Diagnosis", exact=True).select_option(label="square")
+    _square(page)
+
+
+PAGES: dict[str, Callable[[Page], None]] = {
+    "live": _drive,
+    "world": _drive,
+    "trajectory": _drive,
+    "compare": _compare,
+    "models": _models,
+}
 
 
 if __name__ == "__main__":

@@ -228,7 +228,7 @@ def test_the_picture_keeps_thirty_frames_a_second(page):
     assert rate >= 25
 
 
-@pytest.mark.parametrize("path", ["", "world", "trajectory", "compare", "models"])
+@pytest.mark.parametrize("path", ["", "world", "trajectory", "compare", "models", "analysis"])
 @pytest.mark.parametrize("width", [1280, 390])
 def test_no_page_has_a_serious_fault_of_access_or_scrolls_sideways(browser, bench, problems, path, width):
     page = open_page(browser, bench, problems, path, width, 720 if width > 500 else 844)

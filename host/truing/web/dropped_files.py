@@ -1,4 +1,4 @@
-"""Takes the files that are dropped onto a page: runs, their metadata, baselines and diagnoses."""
+"""Files in and out: takes what is dropped onto a page (runs, baselines, diagnoses), gives reports."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from fastapi import FastAPI, Request
-from fastapi.responses import JSONResponse
+from fastapi import FastAPI, Request, Response
+from fastapi.responses import FileResponse, JSONResponse
 from starlette.concurrency import run_in_threadpool
 
 from truing.baseline import read_baseline
@@ -33,6 +33,15 @@ def add_dropping(app: FastAPI, dropped: Path, diagnoses: Path) -> None:
             if len(data) > _MOST_BYTES:
                 return JSONResponse({"error": f"{name}: is larger than {_MOST_BYTES // 1_000_000} MB"})
         return JSONResponse(await run_in_threadpool(keep, name, data, dropped, diagnoses))
+
+
+def add_reports(app: FastAPI, diagnoses: Path) -> None:
+    """Serve the pages that diagnoses wrote."""
+
+    @app.get("/diagnoses/{name}.html")
+    def report(name: str) -> Response:
+        path = diagnoses / f"{safe_name(name)}.html"
+        return FileResponse(path) if path.is_file() else Response(status_code=404)
 
 
 def keep(name: str, data: bytes, dropped: Path, diagnoses: Path) -> dict[str, Any]:

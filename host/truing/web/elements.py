@@ -143,18 +143,22 @@ class Pick:
 
     def fill(self, options: dict[str, str], value: str) -> None:
         """Other options."""
-        self._options = options
         self.value = value if value in options else next(iter(options), "")
         self._select.clear()
         with self._select:
-            for name, text in options.items():
-                entry = tag("option", text, value=name)
-                if name == self.value:
-                    entry._props["selected"] = True
+            self._options = {name: tag("option", text, value=name) for name, text in options.items()}
+        self._mark()
+
+    def _mark(self) -> None:
+        for name, option in self._options.items():
+            option._props["selected"] = name == self.value
+            option.update()
 
     def _changed(self, event: events.GenericEventArguments) -> None:
         if isinstance(event.args, str) and event.args in self._options:
             self.value = event.args
+            # The list may have been filled anew while the browser was choosing.
+            self._mark()
             self._on_change(event.args)
 
 
@@ -279,7 +283,7 @@ def number(
             on_change(float(event.value))
 
     field = ui.number(label, value=value, min=low, max=high, step=step, on_change=changed)
-    field.props("dense outlined dark").style("width: 108px")
+    field.props("dense outlined dark").style("width: 106px")
     return field
 
 

@@ -134,3 +134,27 @@ def drawn_points(t: FloatArray, values: FloatArray) -> tuple[list[float], list[f
         t, values = t[rows], values[rows]
     times: list[float] = np.round(t, 4).tolist()
     return times, [float(f"{v:.6g}") if np.isfinite(v) else None for v in values.tolist()]
+
+
+# From the ground to a warm white: as loud as the mismatch is.
+_HEAT = [[0.0, "#141920"], [0.12, "#2b2a33"], [0.35, "#8a4b2a"], [0.65, "#f08a3c"], [1.0, "#fff1d6"]]
+
+
+def darkened(figure: Figure) -> Figure:
+    """A report's figure on the view's ground."""
+    layout = dict(figure["layout"])
+    layout["font"] = layout.get("font", {}) | {"color": TEXT}
+    layout.pop("height", None)
+    layout |= {"paper_bgcolor": GROUND, "plot_bgcolor": GROUND, "autosize": True}
+    for name, axis in layout.items():
+        if name.startswith(("xaxis", "yaxis")):
+            layout[name] = axis | {"gridcolor": "#1d242e", "linecolor": LINE, "zerolinecolor": "#3a4656"}
+    data = []
+    for trace in figure["data"]:
+        changed = dict(trace)
+        if trace["type"] == "heatmap":
+            changed["colorscale"] = _HEAT
+        elif "marker" in trace:
+            changed["marker"] = trace["marker"] | {"color": "#e6edf5"}
+        data.append(changed)
+    return {"data": data, "layout": layout, "config": CONFIG}

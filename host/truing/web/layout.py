@@ -17,6 +17,7 @@ PAGES = {
     "/trajectory": "Trajectory",
     "/compare": "Compare",
     "/models": "Error models",
+    "/analysis": "Analysis",
 }
 
 _HELP = (

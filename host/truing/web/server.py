@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from nicegui import app, core, ui
 
 from truing.errors import PortError
-from truing.web.dropped_files import add_dropping
+from truing.web.dropped_files import add_dropping, add_reports
 from truing.web.layout import STATIC, frame
 from truing.web.live_link import add_live_link
-from truing.web.pages import compare, live, models, trajectory, world
+from truing.web.pages import analysis, compare, live, models, trajectory, world
 from truing.web.security import Access, Gate, access_for
 from truing.web.session import ViewSession
 
@@ -46,6 +46,7 @@ def serve(session: ViewSession, options: ServerOptions, announce: Callable[[str,
     app.add_static_files("/view-static", STATIC, max_cache_age=0)
     add_live_link(app, session)
     add_dropping(app, session.dropped_folder, session.diagnosis_folder)
+    add_reports(app, session.diagnosis_folder)
     app.on_startup(session.start)
     app.on_shutdown(session.close)
     app.add_middleware(Gate, access=access)
@@ -79,6 +80,7 @@ def _routes(session: ViewSession) -> dict[str, Callable[[], None]]:
         "/trajectory": lambda: trajectory.build(session),
         "/compare": lambda: compare.build(session),
         "/models": lambda: models.build(session),
+        "/analysis": lambda: analysis.build(session),
     }
 
 

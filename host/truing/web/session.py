@@ -10,6 +10,7 @@ from truing.errors import TruingError
 from truing.link.client import Client, Timing
 from truing.link.connect import VirtualOptions, open_stream
 from truing.web.board_worker import BoardWorker, RunOrder
+from truing.web.diagnosis_job import DiagnosisJob
 from truing.web.driver_lock import DriverLock
 from truing.web.error_model import Kind, ModelChoice, load_model
 from truing.web.pose import Pose
@@ -53,6 +54,7 @@ class ViewSession:
         self.model = load_model(self.model_file) or ModelChoice()
         self.comparison_start = _START
         self.simulation = SideProcess("truing.web.simulate_process")
+        self.diagnosis = DiagnosisJob(self.diagnosis_folder)
 
     def start(self) -> None:
         """Begin to connect and to scan."""
@@ -64,6 +66,7 @@ class ViewSession:
         self.worker.close()
         self.sensing.close()
         self.simulation.close()
+        self.diagnosis.close()
         if self.virtual is not None:
             self.virtual.close()
 

@@ -1,4 +1,4 @@
-"""A process beside the view that simulates runs: a request a line on standard input, an answer a line back.
+"""A process beside the view that reads and simulates runs: requests in, answers out, a line of JSON each.
 
 Fitting and compiling would hold the view's own process, and with it the robot's brakes.
 """
@@ -16,12 +16,13 @@ from truing.errors import TruingError
 
 
 def answer(request: dict[str, Any]) -> dict[str, Any]:
-    """A comparison as pictures and tables.
+    """What a page shows of a run: `compare` it with its simulations, `analyse` it, or write its `csv`."""
+    kinds = {"compare": _compared, "analyse": _analysed, "csv": _csv}
+    return kinds[request["kind"]](request)
 
-    Parameters
-    ----------
-    request : `run` and `more` (paths), `model` (`ModelChoice.to_json`), `start` (x, y, theta).
-    """
+
+def _compared(request: dict[str, Any]) -> dict[str, Any]:
+    """Of `run` and `more` (paths), `model` (`ModelChoice.to_json`), `start` (x, y, theta)."""
     from truing.recording_reader import read_run
     from truing.web.comparison import Comparison, compare
     from truing.web.comparison_view import shown
@@ -37,6 +38,38 @@ def answer(request: dict[str, Any]) -> dict[str, Any]:
         model = ModelChoice.of_json(request["model"]) if not found else None
         found.append(compare(run, baseline_of(path), plan_of_run(run), model, start))
     return shown(found[0], found[1:])
+
+
+def _analysed(request: dict[str, Any]) -> dict[str, Any]:
+    """Of `run`, the `signals` to draw, the `span` of the statistics, `linked` and `select`."""
+    from truing.recording_reader import read_run
+    from truing.web.analysis_view import analysed
+    from truing.web.run_library import baseline_of
+
+    path = Path(request["run"])
+    return analysed(
+        read_run(path),
+        baseline_of(path),
+        request["signals"],
+        _span(request),
+        linked=request["linked"],
+        select=request["select"],
+    )
+
+
+def _csv(request: dict[str, Any]) -> dict[str, Any]:
+    """Of `run`, `signals` and `span`."""
+    from truing.recording_reader import read_run
+    from truing.web.analysis_view import csv_text
+    from truing.web.run_library import baseline_of
+
+    path = Path(request["run"])
+    return {"text": csv_text(read_run(path), baseline_of(path), request["signals"], _span(request))}
+
+
+def _span(request: dict[str, Any]) -> tuple[float, float] | None:
+    span = request["span"]
+    return None if span is None else (float(span[0]), float(span[1]))
 
 
 def main() -> int:

@@ -10,13 +10,13 @@ from typing import Any
 from nicegui import background_tasks, context
 
 from truing.errors import TruingError
-from truing.web.elements import Chart, Pick, PlainTable, TopView, button, heading, tag
+from truing.web.elements import Chart, PlainTable, TopView, button, heading, tag
 from truing.web.error_model import ModelChoice
 from truing.web.figures import panels
-from truing.web.run_library import FoundSet, find_sets
+from truing.web.pages.run_choice import RunChoice
 from truing.web.session import ViewSession
 
-_NO_SETS = {"": "no runs on disk yet"}
+_BUSY = "simulating …"
 
 
 class RunStage:
@@ -37,12 +37,15 @@ class RunStage:
         self.session = session
         self.model = model
         self.on_drawn = on_drawn or (lambda _: None)
-        self.sets: dict[str, FoundSet] = {}
-        self.run: Path | None = None
         self.more: list[Path] = []
         self._wanted = False
         self._busy = False
         self._client = context.client
+
+    @property
+    def run(self) -> Path | None:
+        """The run that is chosen."""
+        return self.runs.run
 
     # ---- elements
 
@@ -57,9 +60,7 @@ class RunStage:
 
     def choice(self) -> None:
         """Which run."""
-        with tag("div", classes="picks"):
-            self.set_pick = Pick("Set", _NO_SETS, "", lambda _: self.choose_set())
-            self.run_pick = Pick("Run", {"": "–"}, "", lambda _: self.choose_run())
+        self.runs = RunChoice(self.session, self._chosen)
         self.told = tag("p", classes="told dim", role="status", style="margin:4px 0 0")
         self.find()
 
@@ -77,30 +78,12 @@ class RunStage:
 
     def find(self, chosen: Path | None = None) -> None:
         """Look for runs on disk; choose one, or the newest."""
-        found = find_sets(self.session.run_folder.parent)
-        self.sets = {str(one.path): one for one in found}
-        if not found:
-            return
-        if chosen is None or not any(chosen in one.runs for one in found):
-            chosen = self.run or max(
-                (path for one in found for path in one.runs), key=lambda p: p.stat().st_mtime
-            )
-        home = next((one for one in found if chosen in one.runs), found[0])
-        self.set_pick.fill({str(one.path): one.name for one in found}, str(home.path))
-        self.run_pick.fill({str(path): path.stem for path in home.runs}, str(chosen))
-        self.choose_run()
+        self.runs.find(chosen)
 
-    def choose_set(self) -> None:
-        """Another set: its first run."""
-        home = self.sets[self.set_pick.value]
-        self.run_pick.fill({str(path): path.stem for path in home.runs}, str(home.runs[0]))
-        self.more.clear()
-        self.choose_run()
-
-    def choose_run(self) -> None:
-        """Another run of the set."""
-        self.run = Path(self.run_pick.value) if self.run_pick.value else None
-        self.more = [path for path in self.more if path != self.run]
+    def _chosen(self) -> None:
+        home = self.runs.home
+        others = set() if home is None else set(home.runs) - {self.run}
+        self.more = [path for path in self.more if path in others]
         self.show_more()
         self.draw()
 
@@ -110,7 +93,7 @@ class RunStage:
         if box is None:
             return
         box.clear()
-        home = self.sets.get(self.set_pick.value)
+        home = self.runs.home
         others = [path for path in home.runs if path != self.run] if home is not None else []
         with box:
             tag("summary", f"Real paths of other runs of this set ({len(others)})")
@@ -151,11 +134,13 @@ class RunStage:
                     return
                 start = self.session.comparison_start
                 request = {
+                    "kind": "compare",
                     "run": str(self.run),
                     "more": [str(path) for path in self.more],
                     "model": self.model().to_json(),
                     "start": start.as_list(),
                 }
+                self._say(_BUSY)
                 try:
                     found = await self.session.simulation.ask(request)
                 except TruingError as error:
@@ -180,5 +165,7 @@ class RunStage:
         self.on_drawn(found)
 
     def _say(self, text: str) -> None:
+        if text == self.told._text:
+            return
         self.told._text = text
         self.told.update()

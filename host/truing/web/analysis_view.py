@@ -1,0 +1,172 @@
+"""A run's signals as a page shows them: panels by unit, statistics of a span, metrics of every step, CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from truing.baseline import Baseline
+from truing.errors import TruingError
+from truing.identify.quantity import Quantity
+from truing.identify.step_metrics import step_metrics
+from truing.recording import WHEELS, FloatArray, Run
+from truing.web.figures import COLOURS, Line, Panel, panels
+
+USUAL = ("speed_left", "speed_right", "effort_left", "effort_right")
+_KNOWN = {
+    "effort": ("% effort", 100.0),
+    "cmd": ("command", 1.0),
+    "ticks": ("counts", 1.0),
+    "vel": ("m/s", 1.0),
+    "pos": ("m", 1.0),
+    "x": ("m", 1.0),
+    "y": ("m", 1.0),
+    "theta": ("°", 180.0 / math.pi),
+    "gyro": ("°/s", 180.0 / math.pi),
+    "battery": ("V", 1.0),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """One curve of a run.
+
+    Attributes
+    ----------
+    name : the column's, or `speed_left` and `speed_right` for the best speeds that the run has.
+    values : shape (n,), in `unit`.
+    """
+
+    name: str
+    unit: str
+    values: FloatArray
+
+
+def signals_of(run: Run, baseline: Baseline | None) -> list[Signal]:
+    """Everything that can be drawn, speeds first."""
+    found = []
+    for wheel in WHEELS:
+        try:
+            found.append(Signal(f"speed_{wheel}", "m/s", run.speed(wheel, baseline).values))
+        except TruingError:
+            continue
+    for name, values in run.columns.items():
+        if name == "t_s":
+            continue
+        stem = name.removeprefix("truth_").partition("_")[0]
+        unit, scale = _KNOWN.get(stem, ("", 1.0))
+        found.append(Signal(name, unit, values * scale))
+    return found
+
+
+def analysed(
+    run: Run,
+    baseline: Baseline | None,
+    wanted: Sequence[str],
+    span: tuple[float, float] | None,
+    *,
+    linked: bool,
+    select: bool,
+) -> dict[str, Any]:
+    """Figure, statistics and steps of a run, in plain lists and text.
+
+    Parameters
+    ----------
+    wanted : names of the signals to draw.
+    span : seconds that the statistics are about; None: the whole run.
+    """
+    signals = signals_of(run, baseline)
+    shown = [signal for signal in signals if signal.name in wanted]
+    units: dict[str, list[Line]] = {}
+    for signal in shown:
+        colour = COLOURS[signals.index(signal) % len(COLOURS)]
+        if signal.name.endswith(("_left", "_left_mps", "_left_m")):
+            colour = COLOURS[0]
+        elif signal.name.endswith(("_right", "_right_mps", "_right_m")):
+            colour = COLOURS[1]
+        dash = "dot" if signal.name.startswith("cmd") else "solid"
+        units.setdefault(signal.unit, []).append(Line(signal.name, run.t_s, signal.values, colour, dash))
+    parts = [Panel(unit, lines) for unit, lines in units.items()]
+    figure = panels(parts, linked=linked, select=select, keep=run.name)
+    if span is not None:
+        figure["layout"]["shapes"] = [
+            {
+                "type": "rect", "xref": "x", "yref": "paper", "x0": span[0], "x1": span[1], "y0": 0, "y1": 1,
+                "fillcolor": "#5ccfe6", "opacity": 0.08, "line": {"width": 0},
+            }
+        ]  # fmt: skip
+    return {
+        "signals": [{"name": signal.name, "unit": signal.unit} for signal in signals],
+        "figure": figure,
+        "statistics": [_statistics(signal, run.t_s, span) for signal in shown],
+        "steps": step_rows(run, baseline),
+        "end_s": float(run.t_s[-1]),
+        "start_s": float(run.t_s[0]),
+    }
+
+
+STATISTICS_HEAD = ("signal", "rows", "mean", "sd", "least", "most", "slope, 1/s")
+
+
+def _statistics(signal: Signal, t_s: FloatArray, span: tuple[float, float] | None) -> list[str]:
+    inside = np.isfinite(signal.values)
+    if span is not None:
+        inside &= (t_s >= span[0]) & (t_s <= span[1])
+    values, times = signal.values[inside], t_s[inside]
+    label = f"{signal.name}, {signal.unit}" if signal.unit else signal.name
+    if not values.size:
+        return [label, "0", *["–"] * 5]
+    slope = math.nan
+    if values.size > 1 and np.ptp(times) > 0.0:
+        away = times - times.mean()
+        slope = float(away @ (values - values.mean()) / (away @ away))
+    sd = float(values.std(ddof=1)) if values.size > 1 else math.nan
+    numbers = (float(values.mean()), sd, float(values.min()), float(values.max()), slope)
+    return [label, str(values.size), *map(_short, numbers)]
+
+
+STEPS_HEAD = ("wheel", "at, s", "input", "steady, m/s", "gain", "τ, s", "dead, s", "over, %", "ripple, mm/s")
+
+
+def step_rows(run: Run, baseline: Baseline | None) -> list[list[str]]:
+    """A row for every step of either wheel; none where the input is no staircase."""
+    rows = []
+    for wheel in WHEELS:
+        try:
+            steps, _ = step_metrics(run, wheel, baseline)
+        except TruingError:
+            continue
+        for step in steps:
+            change = f"{step.previous:.3g} → {step.input:.3g}".replace("-", "−")
+            quantities = (step.gain, step.time_constant, step.dead_time, step.overshoot, step.ripple)
+            steady = "–" if step.steady_mps is None else _short(step.steady_mps)
+            rows.append([wheel, f"{step.start_s:.2f}", change, steady, *map(_quantity, quantities)])
+    return rows
+
+
+def csv_text(
+    run: Run, baseline: Baseline | None, wanted: Sequence[str], span: tuple[float, float] | None
+) -> str:
+    """The chosen signals of the span as CSV; units stand in the head."""
+    shown = [signal for signal in signals_of(run, baseline) if signal.name in wanted]
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["t_s", *(f"{one.name} ({one.unit})" if one.unit else one.name for one in shown)])
+    for row, t in enumerate(run.t_s.tolist()):
+        if span is None or span[0] <= t <= span[1]:
+            writer.writerow([repr(t), *(repr(float(signal.values[row])) for signal in shown)])
+    return out.getvalue()
+
+
+def _quantity(quantity: Quantity) -> str:
+    return "–" if quantity.value is None else _short(quantity.value)
+
+
+def _short(value: float) -> str:
+    return "–" if not math.isfinite(value) else f"{value:.4g}".replace("-", "−")

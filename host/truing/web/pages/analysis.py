@@ -1,0 +1,348 @@
+"""Analysis: a run's signals, their statistics and steps; a diagnosis of its set, and the next experiment."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from nicegui import background_tasks, context, events, ui
+
+from truing.errors import TruingError
+from truing.plan import load_plan
+from truing.web.analysis_view import STATISTICS_HEAD, STEPS_HEAD, USUAL
+from truing.web.board_worker import RunOrder
+from truing.web.elements import Chart, Choice, PlainTable, Toggle, button, heading, number, say, tag
+from truing.web.figures import panels
+from truing.web.pages.live import task_panel
+from truing.web.pages.run_choice import RunChoice
+from truing.web.session import ViewSession
+
+_VIEWS = {"signals": "Signals", "mismatch": "Mismatch"}
+_DRAGS = {"zoom": "Drag zooms", "select": "Drag selects"}
+_STAGES = {
+    "none": "",
+    "running": "diagnosing",
+    "done": "done",
+    "failed": "failed",
+    "cancelled": "cancelled",
+}
+
+
+def build(session: ViewSession) -> None:
+    """The page."""
+    _AnalysisPage(session).build()
+
+
+class _AnalysisPage:
+    """One run's signals, and its set's diagnosis."""
+
+    def __init__(self, session: ViewSession) -> None:
+        self.session = session
+        self.client = context.client
+        self.wanted = list(USUAL)
+        self.known: list[str] = []
+        self.view = "signals"
+        self.signals: dict[str, Any] | None = None
+        self.heat: dict[str, Any] | None = None
+        self.span: tuple[float, float] | None = None
+        self.linked = True
+        self.select = False
+        self.told_stage = ("", 0.0)
+        self._busy = False
+        self._again = False
+        self._filling = False
+
+    # ---- elements
+
+    def build(self) -> None:
+        """Make the elements."""
+        with tag("div", classes="view broad"):
+            with tag("section", classes="stage", aria_label="Graphs"):
+                with tag("div", classes="tools"):
+                    Choice("What is shown", _VIEWS, "signals", self.show_view)
+                    Choice("What dragging does", _DRAGS, "zoom", self.set_drag)
+                    Toggle("Link axes", True, self.set_linked)
+                    button("Whole run", self.whole, label="Show the whole run, select nothing")
+                    button("PNG", self.png, label="Save the picture as PNG")
+                    button("CSV", self.csv, label="Save the chosen signals as CSV")
+                self.chart = Chart("Signals against time")
+                self.chart.classes("grows")
+                self.chart.on("plotly_selected", self.dragged, ["range"])
+            with tag("section", classes="side", aria_label="Run, statistics and diagnosis"):
+                with tag("div"):
+                    heading("Run")
+                    self.runs = RunChoice(session=self.session, on_change=self.chose)
+                    self.told = tag("p", classes="told dim", role="status", style="margin:4px 0 0")
+                with tag("details", classes="more-runs", open="open"):
+                    tag("summary", "Signals")
+                    self.ticks = tag("div", classes="ticks")
+                self._selection()
+                self._diagnosis()
+                with tag("div"):
+                    heading("Steps")
+                    self.steps = PlainTable("Metrics of every step")
+                task_panel()
+        self.runs.find()
+        self.watch()
+        ui.timer(0.4, self.watch)
+
+    def _selection(self) -> None:
+        with tag("div"):
+            heading("Statistics of the selection")
+            with tag("div", classes="row-tight"):
+                self.first = number(
+                    "from, s", 0.0, lambda v: self.set_span(first=v), low=0, high=1e6, step=0.5
+                )
+                self.last = number("to, s", 0.0, lambda v: self.set_span(last=v), low=0, high=1e6, step=0.5)
+            with tag("div", style="margin-top:6px"):
+                self.statistics = PlainTable("Statistics of the selection")
+
+    def _diagnosis(self) -> None:
+        with tag("div"):
+            heading("Diagnosis")
+            with tag("div", classes="row-tight"):
+                self.start = button("Diagnose this set", self.diagnose, strong=True)
+                self.cancel = button("Cancel", self.session.diagnosis.cancel, label="Cancel the diagnosis")
+            self.bar = tag(
+                "progress", max="1", value="0", aria_label="Progress of the diagnosis", classes="progress"
+            )
+            self.stage = tag("p", classes="told dim", role="status", style="margin:4px 0 0")
+            self.verdict = tag("div", classes="diagnosis", aria_live="polite")
+
+    # ---- the run
+
+    def chose(self) -> None:
+        """Another run."""
+        self.span = None
+        self.draw()
+        self.show_diagnosis()
+
+    def set_drag(self, what: str) -> None:
+        """Zoom or select."""
+        self.select = what == "select"
+        self.draw()
+
+    def set_linked(self, on: bool) -> None:
+        """One time axis, or one for each panel."""
+        self.linked = on
+        self.draw()
+
+    def tick(self, name: str, on: bool) -> None:
+        """Draw a signal, or no more."""
+        self.wanted = [one for one in self.wanted if one != name] + ([name] if on else [])
+        self.draw()
+
+    def dragged(self, event: events.GenericEventArguments) -> None:
+        """A span was selected with the mouse, in whichever panel."""
+        found = event.args.get("range") if isinstance(event.args, dict) else None
+        for name, ends in (found or {}).items():
+            if name.startswith("x") and len(ends) == 2:
+                self.span = (round(float(min(ends)), 3), round(float(max(ends)), 3))
+                self.show_span()
+                self.draw()
+                return
+
+    def set_span(self, *, first: float | None = None, last: float | None = None) -> None:
+        """Ends of the selection by keyboard."""
+        if self._filling:
+            return
+        ends = self.span or (float(self.first.value), float(self.last.value))
+        span = (ends[0] if first is None else first, ends[1] if last is None else last)
+        if span != self.span:
+            self.span = span
+            if span[1] > span[0]:
+                self.draw()
+
+    def show_span(self) -> None:
+        """Write the selection into its fields."""
+        self._fill(*(self.span or (0.0, 0.0)))
+
+    def _fill(self, first: float, last: float) -> None:
+        self._filling = True
+        self.first.value, self.last.value = round(first, 3), round(last, 3)
+        self._filling = False
+
+    def whole(self) -> None:
+        """Select nothing, and show everything."""
+        self.span = None
+        self.show_span()
+        self.chart.run_plot_method("relayout", {"xaxis.autorange": True, "yaxis.autorange": True})
+        self.draw()
+
+    def png(self) -> None:
+        """Let the browser keep the picture."""
+        run = self.runs.run
+        self.chart.png("signals" if run is None else run.stem if self.view == "signals" else self.runs.name)
+
+    async def csv(self) -> None:
+        """Let the browser keep the numbers."""
+        if self.runs.run is None:
+            return
+        try:
+            found = await self.session.simulation.ask(self._request("csv"))
+        except TruingError as error:
+            say(str(error), good=False)
+            return
+        ui.download.content(found["text"], f"{self.runs.run.stem}.csv", "text/csv")
+
+    def _request(self, kind: str) -> dict[str, Any]:
+        span = self.span if self.span is not None and self.span[1] > self.span[0] else None
+        return {
+            "kind": kind,
+            "run": str(self.runs.run),
+            "signals": self.wanted,
+            "span": span,
+            "linked": self.linked,
+            "select": self.select,
+        }
+
+    def draw(self) -> None:
+        """Draw soon; many wishes while one is being drawn become one."""
+        self._again = True
+        if not self._busy:
+            self._busy = True
+            background_tasks.create(self._draw())
+
+    async def _draw(self) -> None:
+        try:
+            while self._again and self.runs.run is not None:
+                self._again = False
+                try:
+                    found = await self.session.simulation.ask(self._request("analyse"))
+                except TruingError as error:
+                    _write(self.told, str(error))
+                    continue
+                with self.client:
+                    self._show(found)
+        finally:
+            self._busy = False
+
+    def _show(self, found: dict[str, Any]) -> None:
+        _write(self.told, "")
+        self.signals = found["figure"]
+        self._show_figure()
+        self.statistics.fill(STATISTICS_HEAD, found["statistics"])
+        self.steps.fill(STEPS_HEAD, found["steps"] or [["no steps in this run", *["–"] * 8]])
+        if self.span is None:
+            self._fill(found["start_s"], found["end_s"])
+        names = [signal["name"] for signal in found["signals"]]
+        if names != self.known:
+            self.known = names
+            self._show_ticks(found["signals"])
+
+    def _show_ticks(self, signals: list[dict[str, str]]) -> None:
+        self.ticks.clear()
+        with self.ticks:
+            for signal in signals:
+                name = signal["name"]
+                with tag("label", classes="tick"):
+                    mark = tag("input", type="checkbox", aria_label=name)
+                    if name in self.wanted:
+                        mark._props["checked"] = True
+                    mark.on(
+                        "change",
+                        lambda event, name=name: self.tick(name, event.args is True),
+                        js_handler="(e) => emit(e.target.checked)",
+                    )
+                    tag("span", name)
+
+    # ---- the diagnosis
+
+    def show_view(self, view: str) -> None:
+        """Signals, or the heat map."""
+        self.view = view
+        self._show_figure()
+
+    def _show_figure(self) -> None:
+        """One element for both: a hidden plot cannot be resized."""
+        figure = self.signals if self.view == "signals" else self.heat
+        self.chart.update_figure(figure if figure is not None and figure["data"] else panels([]))
+
+    def diagnose(self) -> None:
+        """Start a diagnosis of the set."""
+        home = self.runs.home
+        if home is None:
+            return
+        try:
+            self.session.diagnosis.start(home.path, home.name)
+        except TruingError as error:
+            say(str(error), good=False)
+        self.watch()
+
+    def watch(self) -> None:
+        """Progress, and the verdict once it is there."""
+        state = self.session.diagnosis.state
+        shown = (state.stage, round(state.share, 3))
+        if shown == self.told_stage:
+            return
+        ended = state.stage == "done" and self.told_stage[0] != "done"
+        self.told_stage = shown
+        running = state.stage == "running"
+        self.bar._props["value"] = f"{state.share:.3f}"
+        self.bar.update()
+        self.bar.set_visibility(running)
+        self.cancel.set_visibility(running)
+        text = _STAGES[state.stage]
+        if running and state.runs is not None:
+            text = f"diagnosing {state.runs.name}: {100.0 * state.share:.0f} %"
+        _write(self.stage, f"{text} {state.problem}".strip())
+        if ended:
+            self.show_diagnosis()
+
+    def show_diagnosis(self) -> None:
+        """What is known of the set that is chosen."""
+        self.verdict.clear()
+        name = self.runs.name
+        result = self.session.diagnosis.result_of(name)
+        page = result.parent / "pages" / result.name
+        try:
+            content = json.loads(page.read_bytes()) if name else None
+        except (OSError, ValueError):
+            content = None
+        self.heat = (content or {}).get("heat")
+        self._show_figure()
+        with self.verdict:
+            if content is None:
+                tag("p", "This set has not been diagnosed yet.", "dim told")
+                return
+            tag("p", content["heading"], "verdict")
+            for title, lines in content["sections"]:
+                with tag("details", **({"open": "open"} if title == "Verdict" else {})):
+                    tag("summary", title)
+                    for line in lines:
+                        tag("p", line, "told")
+            with tag("div", classes="row-tight"):
+                address = f"/diagnoses/{result.with_suffix('.html').name}"
+                tag("a", "Report", "plain-link", href=address, target="_blank", rel="noopener")
+                tag("a", "Try it on sliders", "plain-link", href="/models")
+                if content["has_next"]:
+                    button("Drive the next experiment", self.drive_next, strong=True)
+
+    def drive_next(self) -> None:
+        """Drive the plan that would tell the explanations apart; its run joins the set."""
+        home = self.runs.home
+        if home is None:
+            return
+        plan = self.session.diagnosis.result_of(home.name).with_suffix(".next.toml")
+        try:
+            order = RunOrder(load_plan(str(plan)), self._folder_for(home.path), "next")
+            self.session.run(self.client.id, order)
+        except TruingError as error:
+            say(str(error), good=False)
+
+    def _folder_for(self, path: Path) -> Path:
+        own = self.session.run_folder.parent.resolve()
+        if not path.is_relative_to(own) and not path.is_relative_to(
+            self.session.model_folder.parent.resolve()
+        ):
+            raise TruingError(
+                f"{path.name}: these runs are another robot's, and nothing is added to them",
+                "diagnose a set that was recorded with this board",
+            )
+        return path
+
+
+def _write(element: ui.element, text: str) -> None:
+    element._text = text
+    element.update()

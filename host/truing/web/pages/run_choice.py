@@ -1,0 +1,66 @@
+"""Two lists: a recording set on disk, and a run of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from truing.web.elements import Pick, tag
+from truing.web.run_library import FoundSet, find_sets
+from truing.web.session import ViewSession
+
+_NO_SETS = {"": "no runs on disk yet"}
+
+
+class RunChoice:
+    """Which run a page is about.
+
+    Parameters
+    ----------
+    on_change : called whenever another run is chosen, also the first time.
+    """
+
+    def __init__(self, session: ViewSession, on_change: Callable[[], Any]) -> None:
+        self.session = session
+        self.sets: dict[str, FoundSet] = {}
+        self.run: Path | None = None
+        self._on_change = on_change
+        with tag("div", classes="picks"):
+            self._set = Pick("Set", _NO_SETS, "", lambda _: self._chose_set())
+            self._run = Pick("Run", {"": "–"}, "", lambda _: self._chose_run())
+
+    @property
+    def home(self) -> FoundSet | None:
+        """The set that is chosen."""
+        return self.sets.get(self._set.value)
+
+    @property
+    def name(self) -> str:
+        """The set's name on the page."""
+        home = self.home
+        return "" if home is None else home.name
+
+    def find(self, chosen: Path | None = None) -> None:
+        """Look for runs on disk; choose one, or the newest."""
+        found = find_sets(self.session.run_folder.parent)
+        self.sets = {str(one.path): one for one in found}
+        if not found:
+            return
+        every = [path for one in found for path in one.runs]
+        if chosen is None or chosen not in every:
+            kept = self.run in every
+            chosen = self.run if kept and self.run else max(every, key=lambda path: path.stat().st_mtime)
+        home = next(one for one in found if chosen in one.runs)
+        self._set.fill({str(one.path): one.name for one in found}, str(home.path))
+        self._run.fill({str(path): path.stem for path in home.runs}, str(chosen))
+        self._chose_run()
+
+    def _chose_set(self) -> None:
+        home = self.sets[self._set.value]
+        self._run.fill({str(path): path.stem for path in home.runs}, str(home.runs[0]))
+        self._chose_run()
+
+    def _chose_run(self) -> None:
+        self.run = Path(self._run.value) if self._run.value else None
+        self._on_change()

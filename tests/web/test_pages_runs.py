@@ -1,0 +1,188 @@
+"""Compare, Error models and Analysis in a browser: runs beside simulations, sliders, signals, diagnoses."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from truing.baseline import read_baseline
+from truing.recording_reader import read_run
+from web.browser_bench import go, live, wait
+from web.made_runs import TAU_S, VERDICT, made_set
+
+pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def runs(bench):
+    return made_set(bench.view.out / "made")
+
+
+def paths(page):
+    return page.evaluate(
+        "document.querySelector('main canvas').topView.paths.map(p => [p.title, p.points.at(-1)])"
+    )
+
+
+def end_of(page, title):
+    return next((point for name, point in paths(page) if name == title), None)
+
+
+def choose(page, label, text):
+    page.get_by_label(label, exact=True).select_option(label=text)
+
+
+def choose_drawn(page, run, speed):
+    """A run of the made set, and its path in the picture."""
+    choose(page, "Set", "made")
+    choose(page, "Run", run)
+    way = 1.3 / 1.45 * speed * (5.0 - TAU_S)
+    wait(lambda: abs((end_of(page, "Real robot") or [0.0])[0] - way) < 0.01, f"the path of {run}", 60.0)
+
+
+def test_a_run_lies_beside_its_simulations_and_others_join_it(page):
+    go(page, "4", "Compare")
+    choose_drawn(page, "02_straight", 0.5)
+    page.get_by_role("button", name="None", exact=True).click()
+    wait(lambda: end_of(page, "Simulated (model)") is None, "no error model")
+    assert end_of(page, "Desired")[0] == pytest.approx(2.5, abs=0.01)
+    assert end_of(page, "Real robot")[0] < end_of(page, "Simulated")[0] < end_of(page, "Desired")[0]
+    table = page.get_by_role("table", name="Stopping points")
+    assert "2.5000" in table.inner_text()
+    page.get_by_role("button", name="The paper's", exact=True).click()
+    wait(lambda: end_of(page, "Simulated (model)"), "the paper's model")
+    assert end_of(page, "Simulated (model)")[1] < -0.5
+    page.get_by_text("Real paths of other runs").click()
+    page.get_by_label("also draw 03_straight").check()
+    wait(lambda: end_of(page, "03_straight"), "the other run")
+    assert page.locator(".js-plotly-plot .scatterlayer .trace").count() >= 6
+
+
+def test_runs_from_disk_are_dropped_in(page, bench, runs):
+    go(page, "4", "Compare")
+    zone = page.locator(".drop-zone input")
+    zone.wait_for(state="attached")
+    zone.set_input_files([runs / "baseline.toml", runs / "runs/03_straight.csv"])
+    wait(lambda: (bench.view.out / "dropped/runs/03_straight.csv").exists(), "the dropped run")
+    wait(lambda: page.get_by_label("Set", exact=True).input_value().endswith("dropped"), "its set")
+    wait(lambda: end_of(page, "Simulated"), "its simulation")
+    zone.set_input_files({"name": "bad.csv", "mimeType": "text/csv", "buffer": b"no run"})
+    page.get_by_text("bad.csv", exact=False).first.wait_for()
+
+
+def test_a_slider_moved_by_keys_moves_the_overlay_and_the_model_is_saved(page, bench):
+    go(page, "5", "Error models")
+    choose_drawn(page, "01_straight", 0.3)
+    page.get_by_role("button", name="The paper's", exact=True).click()
+    slider = page.get_by_role("slider", name="drift on straight lines, rad/m")
+    slider.wait_for()
+    wait(lambda: end_of(page, "Simulated (model)"), "the paper's model", 30.0)
+    before = end_of(page, "Simulated (model)")
+    slider.focus()
+    for _ in range(25):
+        page.keyboard.press("ArrowLeft")
+    wait(lambda: end_of(page, "Simulated (model)")[1] < before[1] - 0.05, "a moved overlay")
+    page.get_by_label("distance scale, value").fill("0.1")
+    page.get_by_label("distance scale, value").press("Enter")
+    wait(lambda: end_of(page, "Simulated (model)")[0] > before[0], "a longer path")
+    page.get_by_role("button", name="Save as the robot's model").click()
+    wait((bench.view.out / "models/robot.toml").exists, "the robot's model")
+    go(page, "4", "Compare")
+    pressed = page.get_by_role("button", name="The paper's", exact=True)
+    wait(lambda: pressed.get_attribute("aria-pressed") == "true", "the model in force")
+
+
+def test_what_a_diagnosis_found_is_dropped_in_and_turned(page, bench):
+    go(page, "5", "Error models")
+    choose_drawn(page, "01_straight", 0.3)
+    page.get_by_role("button", name="Found", exact=True).click()
+    file = {"name": "made.json", "mimeType": "application/json", "buffer": json.dumps(VERDICT).encode()}
+    page.locator(".drop-zone input").set_input_files(file)
+    slider = page.get_by_role("slider", name="coulomb friction: left, effort")
+    slider.wait_for()
+    wait(lambda: end_of(page, "Simulated (model)"), "its simulation", 60.0)
+    before = end_of(page, "Simulated (model)")
+    assert abs(before[1]) < 0.5
+    slider.evaluate("e => { e.value = 0.12; e.dispatchEvent(new Event('input')); }")
+    wait(lambda: end_of(page, "Simulated (model)")[1] > before[1] + 0.1, "a robot that pulls to the left")
+    page.get_by_role("button", name="Save as the robot's model").click()
+    file = bench.view.out / "models/robot.toml"
+    wait(lambda: "coulomb_friction" in file.read_text(), "the saved effect")
+    assert read_baseline(file).effects["coulomb_friction"]["left"] == pytest.approx(0.12, abs=0.01)
+
+
+def statistics(page):
+    return page.get_by_role("table", name="Statistics of the selection").locator("tbody tr").all_inner_texts()
+
+
+def test_signals_are_chosen_spans_are_measured_and_saved(page, tmp_path):
+    go(page, "6", "Analysis")
+    choose(page, "Set", "made")
+    choose(page, "Run", "02_straight")
+    wait(lambda: len(statistics(page)) == 4, "four signals", 30.0)
+    page.get_by_label("theta_rad", exact=True).check()
+    wait(lambda: len(statistics(page)) == 5, "five signals")
+    page.get_by_label("effort_left", exact=True).uncheck()
+    wait(lambda: len(statistics(page)) == 4, "four signals again")
+    assert page.locator(".js-plotly-plot .subplot").count() == 3
+    page.get_by_label("from, s").fill("4.5")
+    page.get_by_label("to, s").fill("6")
+    # The last 1.5 s of 0.5 m/s on wheels of 1.3 instead of 1.45 m/s.
+    wait(lambda: statistics(page)[0].split("\t")[1:3] == ["31", "0.4483"], "the steady speed")
+    page.get_by_role("button", name="Drag selects").click()
+    wait(lambda: page.locator(".js-plotly-plot .drag.cursor-crosshair, .drag.nsewdrag").count() > 0, "a plot")
+    box = page.locator(".js-plotly-plot .nsewdrag").first.bounding_box()
+    page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 20)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 30, steps=4)
+    page.mouse.up()
+    wait(lambda: page.get_by_label("from, s").input_value() != "4.5", "a dragged selection")
+    rows = page.get_by_role("table", name="Metrics of every step").locator("tbody tr").all_inner_texts()
+    assert len(rows) >= 2
+    assert rows[0].startswith("left")
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save the chosen signals as CSV").click()
+    text = download.value.path().read_text()
+    assert (
+        text.splitlines()[0] == "t_s,speed_left (m/s),speed_right (m/s),effort_right (% effort),theta_rad (°)"
+    )
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save the picture as PNG").click()
+    assert download.value.path().read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_diagnosis_is_started_watched_and_cancelled_with_the_page_alive(page):
+    go(page, "6", "Analysis")
+    choose(page, "Set", "made")
+    page.get_by_role("button", name="Diagnose this set").click()
+    page.get_by_text("diagnosing made", exact=False).wait_for()
+    assert page.get_by_role("progressbar", name="Progress of the diagnosis").is_visible()
+    frames = live(page, "frames")
+    wait(lambda: live(page, "frames") != frames, "a picture that goes on")
+    page.get_by_role("button", name="Cancel the diagnosis").click()
+    page.get_by_text("cancelled", exact=True).wait_for()
+    wait(lambda: not page.get_by_role("progressbar").is_visible(), "no bar")
+
+
+def test_the_next_experiment_is_driven_and_joins_the_set(page, bench):
+    own = made_set(bench.view.out / "recordings/own")
+    folder = bench.view.out / "diagnoses"
+    (folder / "pages").mkdir(parents=True, exist_ok=True)
+    (folder / "recordings-own.json").write_text(json.dumps(VERDICT))
+    (folder / "recordings-own.next.toml").write_text(
+        'title = "Tell them apart"\n[[segment]]\nduration_s = 0.6\neffort = [0.2, 0.2]\n'
+        "[[segment]]\nduration_s = 1.0\neffort = [0.0, 0.0]\n"
+    )
+    shown = {"heading": "Physics is missing", "sections": [["Verdict", ["Two effects."]]], "has_next": True}
+    (folder / "pages/recordings-own.json").write_text(json.dumps(shown | {"heat": None}))
+    go(page, "6", "Analysis")
+    choose(page, "Set", "recordings/own")
+    page.get_by_text("Physics is missing").wait_for()
+    page.get_by_role("button", name="Drive the next experiment").click()
+    wait(lambda: live(page, "state.task?.stage") == "done", "a finished run", 60.0)
+    added = own / "runs/04_next.csv"
+    assert added.is_file()
+    run = read_run(added)
+    assert run.metadata.plan["title"] == "Tell them apart"
+    assert run.columns["vel_left_mps"].max() > 0.1
