@@ -125,13 +125,14 @@ def test_signals_are_chosen_spans_are_measured_and_saved(page, tmp_path):
     wait(lambda: len(statistics(page)) == 5, "five signals")
     page.get_by_label("effort_left", exact=True).uncheck()
     wait(lambda: len(statistics(page)) == 4, "four signals again")
-    assert page.locator(".js-plotly-plot .subplot").count() == 3
+    wait(lambda: page.locator(".js-plotly-plot .cartesianlayer .subplot").count() == 3, "three panels")
     page.get_by_label("from, s").fill("4.5")
     page.get_by_label("to, s").fill("6")
     # The last 1.5 s of 0.5 m/s on wheels of 1.3 instead of 1.45 m/s.
     wait(lambda: statistics(page)[0].split("\t")[1:3] == ["31", "0.4483"], "the steady speed")
     page.get_by_role("button", name="Drag selects").click()
-    wait(lambda: page.locator(".js-plotly-plot .drag.cursor-crosshair, .drag.nsewdrag").count() > 0, "a plot")
+    selects = "document.querySelector('.js-plotly-plot')._fullLayout?.dragmode === 'select'"
+    wait(lambda: page.evaluate(selects), "a plot that selects")
     box = page.locator(".js-plotly-plot .nsewdrag").first.bounding_box()
     page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 20)
     page.mouse.down()

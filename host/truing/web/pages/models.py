@@ -131,6 +131,8 @@ class _ModelsPage:
 
     def set_kind(self, kind: str) -> None:
         """None, the paper's, or found."""
+        if kind == self.choice.kind:
+            return
         self.choice = ModelChoice(
             _KINDS[kind], self.choice.paper, self.choice.numbers, self.choice.effects, self.choice.source
         )
