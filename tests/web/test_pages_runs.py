@@ -134,9 +134,9 @@ def test_signals_are_chosen_spans_are_measured_and_saved(page, tmp_path):
     selects = "document.querySelector('.js-plotly-plot')._fullLayout?.dragmode === 'select'"
     wait(lambda: page.evaluate(selects), "a plot that selects")
     box = page.locator(".js-plotly-plot .nsewdrag").first.bounding_box()
-    page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 20)
+    page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 0.5 * box["height"])
     page.mouse.down()
-    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 30, steps=4)
+    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 0.6 * box["height"], steps=4)
     page.mouse.up()
     wait(lambda: page.get_by_label("from, s").input_value() != "4.5", "a dragged selection")
     rows = page.get_by_role("table", name="Metrics of every step").locator("tbody tr").all_inner_texts()

@@ -87,5 +87,5 @@ def _figure(main: Comparison) -> dict[str, Any]:
         parts.append(Panel("real less it, m/s", residuals))
     figure = panels(parts, keep=main.run.name)
     # The picture above carries the same colours with their names.
-    figure["layout"]["showlegend"] = False
+    figure["layout"] |= {"showlegend": False, "margin": figure["layout"]["margin"] | {"t": 8}}
     return figure
