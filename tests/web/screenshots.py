@@ -119,12 +119,22 @@ def _models(page: Page) -> None:
     _square(page)
 
 
+def _analysis(page: Page) -> None:
+    page.get_by_label("Set", exact=True).select_option(label="recordings/square")
+    page.get_by_label("Run", exact=True).select_option(label="03_XVII")
+    page.get_by_label("from, s").fill("7.5")
+    page.get_by_label("to, s").fill("9")
+    time.sleep(4.0)
+
+
 PAGES: dict[str, Callable[[Page], None]] = {
     "live": _drive,
     "world": _drive,
     "trajectory": _drive,
     "compare": _compare,
     "models": _models,
+    "analysis": _analysis,
+    "scene": _drive,
 }
 
 

@@ -221,6 +221,29 @@ def test_lines_are_drawn_dragged_and_run_and_losing_the_page_stops_the_run(brows
     assert not problems
 
 
+def test_the_world_and_the_robot_are_seen_in_three_dimensions(page):
+    go(page, "7", "3-D")
+
+    def scene(what: str) -> object:
+        return page.evaluate(
+            f"(() => {{ const s = document.querySelector('main canvas').scene3d; return {what}; }})()"
+        )
+
+    wait(lambda: page.evaluate("document.querySelector('main canvas')?.scene3d?.blocks?.count") or 0, "walls")
+    drawn = scene("s.drawn")
+    wait(lambda: scene("s.drawn") > drawn, "pictures")
+    assert page.locator(".scene-told").inner_text() == ""
+    page.locator("main canvas").focus()
+    before = scene("s.eye.position.x")
+    page.keyboard.press("j")
+    wait(lambda: abs(scene("s.eye.position.x") - before) > 0.05, "a turned view")
+    page.get_by_role("button", name="Follow", exact=True).click()
+    drive_by_key(page)
+    away = "Math.hypot(s.eye.position.x - s.robot.position.x, s.eye.position.y - s.robot.position.y)"
+    wait(lambda: scene(away) < 2.2, "a camera behind the robot")
+    page.keyboard.up("ArrowUp")
+
+
 def test_the_picture_keeps_thirty_frames_a_second(page):
     time.sleep(2.5)
     rate = live(page, "rate")
@@ -228,7 +251,7 @@ def test_the_picture_keeps_thirty_frames_a_second(page):
     assert rate >= 25
 
 
-@pytest.mark.parametrize("path", ["", "world", "trajectory", "compare", "models", "analysis"])
+@pytest.mark.parametrize("path", ["", "world", "trajectory", "compare", "models", "analysis", "scene"])
 @pytest.mark.parametrize("width", [1280, 390])
 def test_no_page_has_a_serious_fault_of_access_or_scrolls_sideways(browser, bench, problems, path, width):
     page = open_page(browser, bench, problems, path, width, 720 if width > 500 else 844)

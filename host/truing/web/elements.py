@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
+import nicegui.elements.scene  # noqa: F401  (importing it puts three.js into the pages' import map)
 from nicegui import events, ui
 from nicegui.element import Element
 
@@ -66,6 +67,20 @@ class TopView(Element, component="static/top_view.js"):
     def zoom(self, factor: float) -> None:
         """Nearer or farther; 0 goes back to the first scale."""
         self.run_method("setZoom", factor)
+
+
+class Scene3D(Element, component="static/scene_3d.js"):
+    """The world in three dimensions; three.js is the one that comes with NiceGUI."""
+
+    def __init__(self, label: str) -> None:
+        super().__init__()
+        self.set(label=label, camera="orbit", sensors=True)
+
+    def set(self, **props: Any) -> None:
+        """Change properties."""
+        for name, value in props.items():
+            self._props[name] = value
+        self.update()
 
 
 class StripChart(Element, component="static/strip_chart.js", default_classes="strip"):

@@ -18,6 +18,7 @@ PAGES = {
     "/compare": "Compare",
     "/models": "Error models",
     "/analysis": "Analysis",
+    "/scene": "3-D",
 }
 
 _HELP = (

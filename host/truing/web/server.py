@@ -16,7 +16,7 @@ from truing.errors import PortError
 from truing.web.dropped_files import add_dropping, add_reports
 from truing.web.layout import STATIC, frame
 from truing.web.live_link import add_live_link
-from truing.web.pages import analysis, compare, live, models, trajectory, world
+from truing.web.pages import analysis, compare, live, models, scene, trajectory, world
 from truing.web.security import Access, Gate, access_for
 from truing.web.session import ViewSession
 
@@ -81,6 +81,7 @@ def _routes(session: ViewSession) -> dict[str, Callable[[], None]]:
         "/compare": lambda: compare.build(session),
         "/models": lambda: models.build(session),
         "/analysis": lambda: analysis.build(session),
+        "/scene": scene.build,
     }
 
 

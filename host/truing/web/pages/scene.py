@@ -1,0 +1,38 @@
+"""3-D: the same world and robot in space; orbit, follow or top camera, and driving by keys."""
+
+from __future__ import annotations
+
+from truing.web.elements import Choice, LiveKeys, Scene3D, Toggle, heading, tag
+from truing.web.pages.live import drive_panel, facts, faults_and_task
+
+_CAMERAS = {"orbit": "Orbit", "follow": "Follow", "top": "Top"}
+
+
+def build() -> None:
+    """The page."""
+    with tag("div", classes="view"):
+        with tag("section", classes="stage", aria_label="World in three dimensions"):
+            scene = Scene3D("The world and the robot in three dimensions")
+            with tag("div", classes="overlay"):
+                Choice("Camera", _CAMERAS, "orbit", lambda camera: scene.set(camera=camera))
+                Toggle("Laser", True, lambda on: scene.set(sensors=on))
+        with tag("section", classes="side", aria_label="Drive"):
+            drive_panel()
+            with tag("div"):
+                heading("Pose")
+                facts(
+                    ("x", "x, m"),
+                    ("theta", "heading, °"),
+                    ("y", "y, m"),
+                    ("forward", "speed, m/s"),
+                    ("drift", "off by, mm"),
+                    ("fps", "picture"),
+                )
+            faults_and_task()
+            tag(
+                "p",
+                "Drag turns the view, the wheel zooms. With the picture focused: J, L turn, I, K tilt, "
+                "comma and full stop zoom.",
+                "hints",
+            )
+    LiveKeys()
