@@ -40,8 +40,13 @@ def covariance(problem: Problem, done: Fit) -> FloatArray:
     variance = float(flat @ flat) / max(int((flat != 0.0).sum()) - len(scale), 1)
     likelihood = bread * max(variance, 0.25)
     wider = np.sqrt(np.maximum(np.diag(sandwich), np.diag(likelihood)))
-    correlation = likelihood / np.sqrt(np.outer(np.diag(likelihood), np.diag(likelihood)))
-    return np.asarray(correlation * np.outer(wider / scale, wider / scale))
+    told = np.diag(likelihood) > 0.0
+    size = np.sqrt(np.where(told, np.diag(likelihood), 1.0))
+    correlation = likelihood / np.outer(size, size) + np.diag(np.where(told, 0.0, 1.0))
+    # A number that no signal depends on (of a wheel that is dead) may be anything within its bounds.
+    anything = np.array([0.25 * (column.upper - column.lower) for column in done.columns])
+    deviation = np.where(told, wider / scale, anything)
+    return np.asarray(correlation * np.outer(deviation, deviation))
 
 
 def effect_parameters(

@@ -9,9 +9,13 @@ from truing.diagnose.result import Diagnosis, NamedEffect
 from truing.diagnose.words import effect_title
 from truing.identify.tables import PlainTable
 from truing.real.plain_fit import Drop
-from truing.real.study import CommandedStudy, DriftStudy, EmpsStudy, SetStudy, Step, WheelStudy
+from truing.real.study import FRICTION, STEPS, CommandedStudy, DriftStudy, EmpsStudy, SetStudy, WheelStudy
 
 NONE = "–"
+# A change of the error by less than this share is none.
+SLIGHT = 0.01
+DRY = frozenset({"coulomb_friction", "stribeck_friction", "driver_deadband"})
+LATE = frozenset({"input_delay", "driver_lag", "speed_filter"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,8 +76,11 @@ def _verdict(one: SetStudy, wheel: WheelStudy) -> str:
     whole = one.diagnosis.verdict.replace("_", " ")
     if one.alone is None:
         return whole
-    bad = {check.wheel for check in one.diagnosis.checks if check.topic == "encoder"}
-    return f"{whole}: encoder" if wheel.wheel in bad else f"{one.alone.verdict.replace('_', ' ')} (alone)"
+    return (
+        f"{whole}: encoder"
+        if wheel.wheel in _at_fault(one)
+        else f"{one.alone.verdict.replace('_', ' ')} (alone)"
+    )
 
 
 def _named(diagnosis: Diagnosis, wheel: WheelStudy) -> str:
@@ -136,7 +143,8 @@ def _steps(sets: Sequence[SetStudy]) -> PlainTable:
                     ]
                 )
     table.remarks += [
-        "95 %: blocks of two seconds drawn within each run. Undecided: the drop's interval holds zero.",
+        "95 %: blocks of two seconds drawn within each run. Undecided: the interval holds zero; no: it "
+        "falls by nothing.",
         "Recorder's lag: recorded speed behind differenced position, without any model of the robot.",
     ]
     return table
@@ -145,7 +153,9 @@ def _steps(sets: Sequence[SetStudy]) -> PlainTable:
 def _lowers(drop: Drop) -> str:
     if drop.lowers:
         return "yes"
-    return "raises it" if drop.ci95[1] < 0.0 else "undecided"
+    return (
+        "raises it" if drop.ci95[1] < -SLIGHT * drop.before else "no" if drop.ci95[1] <= 0.0 else "undecided"
+    )
 
 
 def _emps(emps: EmpsStudy | None) -> PlainTable:
@@ -174,7 +184,8 @@ def _emps(emps: EmpsStudy | None) -> PlainTable:
         )
     table.remarks += [
         f"Verdict on the first file: {_sentence(emps.diagnosis)}.",
-        "Drop of a step: below the model before it. The bench's protocol for this axis (asymmetric viscous "
+        "Drop of a step: below the model before it; as diagnosed: below the baseline. "
+        "The bench's protocol for this axis (asymmetric viscous "
         "and Coulomb friction, offset, drift; fitted to positions) reaches 4.61 mm on the second file, a "
         "linear state space 5.53 mm.",
     ]
@@ -280,31 +291,33 @@ def _undecided_in(one: SetStudy) -> Iterator[str]:
         places = sorted({f"{span.run} {span.signal}" for span in one.diagnosis.mismatch})
         yield f"{one.name}: nothing in the catalogue explains what remains in {', '.join(places[:4])}."
     named = {effect.name for effect in says.effects}
-    for wheel in one.wheels:
-        missed = [
-            step
-            for step in wheel.steps
-            if step.drop.lowers and step.effect not in named and len(step.effects) <= 2
-        ]
-        for step in missed:
-            drop = step.drop
-            scale = 100.0 / wheel.scale
-            yield (
-                f"{one.name}, {wheel.wheel}: {effect_title(step.effect)} beside "
-                f"{_beside(step)} lowers the unseen error ({scale * drop.before:.2f} to "
-                f"{scale * drop.after:.2f} %) and is not named by the verdict."
-            )
-        for step in wheel.steps[:3]:
-            if not step.drop.lowers:
-                change = _interval(step.drop.ci95, 100.0 / wheel.scale)
-                yield (
-                    f"{one.name}, {wheel.wheel}: whether there is {effect_title(step.effect)} beside "
-                    f"{_beside(step)}: the unseen error falls by {change} %."
-                )
+    judged = [wheel for wheel in one.wheels if wheel.wheel not in _at_fault(one)]
+    for k, (effects, others) in enumerate(zip(STEPS, (DRY, LATE, LATE), strict=False)):
+        steps = [(wheel, wheel.steps[k]) for wheel in judged]
+        what = f"{effect_title(effects[-1])} beside {_beside(effects)}"
+        before = ", ".join(
+            f"{_percent(w, s.drop.before):.2f} to {_percent(w, s.drop.after):.2f} %" for w, s in steps
+        )
+        sides = " and ".join(wheel.wheel for wheel in judged)
+        if all(step.drop.lowers for _, step in steps):
+            if not named & others:
+                yield f"{one.name}: {what} lowers the unseen error ({sides}: {before}) and is not named."
+        elif not (effects[-1] != FRICTION and named & LATE):
+            some = "of both" if len(judged) > 1 else f"of the {sides}"
+            yield (f"{one.name}: {what} does not lower the unseen error {some} surely ({sides}: {before}).")
 
 
-def _beside(step: Step) -> str:
-    return " and ".join(effect_title(name) for name in step.effects[:-1]) or "the baseline"
+def _at_fault(one: SetStudy) -> set[str | None]:
+    """Wheels whose encoder cannot be trusted."""
+    return {check.wheel for check in one.diagnosis.checks if check.topic == "encoder"}
+
+
+def _percent(wheel: WheelStudy, error: float) -> float:
+    return 100.0 * error / wheel.scale
+
+
+def _beside(effects: Sequence[str]) -> str:
+    return " and ".join(effect_title(name) for name in effects[:-1]) or "the baseline"
 
 
 def _undecided_elsewhere(study: RealStudy) -> Iterator[str]:
