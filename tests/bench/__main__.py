@@ -23,6 +23,7 @@ BENCHES = (
     "discrete_models",
     "emps",
     "low_speed",
+    "diagnosis_rollout",
 )
 
 

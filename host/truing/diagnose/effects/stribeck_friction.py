@@ -85,5 +85,5 @@ EFFECT = Effect(
     from_baseline=_from_baseline,
     units={"breakaway_left": "effort", "breakaway_right": "effort"},
     exercised=_exercised,
-    step_share=0.02,
+    step_share=0.025,
 )
