@@ -114,8 +114,11 @@ def test_one_frame_stops_all_boards(image: Path, native_library: Path) -> None:
         assert all(robot.bridge(0) == (1.0, 1.0) for robot in chain.robots)
 
 
-def test_a_shorted_bus_is_left_named_and_joined_again(image: Path, native_library: Path) -> None:
-    with CanChain(image) as chain:
+@pytest.mark.parametrize("bit_rate", [500_000, 1_000_000])
+def test_a_shorted_bus_is_left_named_and_joined_again(
+    image: Path, native_library: Path, bit_rate: int
+) -> None:
+    with CanChain(image, bit_rate=bit_rate) as chain:
         device = chain.host()
         assert can_state(device).bus_state == tp.CanBusState.ACTIVE
         serial = chain.serial_host(chain.robots[0])
@@ -129,10 +132,55 @@ def test_a_shorted_bus_is_left_named_and_joined_again(image: Path, native_librar
         chain.bus.set_shorted(False)
         began = chain.bus.time_s
         assert can_state(device).bus_state == tp.CanBusState.ACTIVE
-        print(f"{state.bus_offs} bus-offs in 1 s; answered {chain.bus.time_s - began:.3f} s after the repair")
+        print(
+            f"{bit_rate} bit/s: {state.bus_offs} bus-offs in 1 s; "
+            f"answered {chain.bus.time_s - began:.3f} s after the repair"
+        )
         assert chain.bus.time_s - began < 0.5
         chain.bus.run_us(1_100_000)
         assert device.client.request(tp.StatusRequest()).faults_active == 0
+
+
+def test_after_bus_off_nothing_is_sent_for_a_pause_and_128_times_11_idle_bits(
+    image: Path, native_library: Path
+) -> None:
+    with CanChain(image) as chain:
+        serial = chain.serial_host(chain.robots[0])
+        serial.set_parameter("can_status_hz", 100)
+        chain.bus.set_shorted(True)
+        before = can_state(serial).bus_offs
+        while can_state(serial).bus_offs == before:
+            chain.bus.run_us(100)
+        left_s, attempts = chain.bus.time_s, chain.bus.totals().damaged
+        chain.bus.set_shorted(False)
+        while chain.bus.read() is not None:
+            pass  # from before
+        while chain.bus.read() is None:
+            chain.bus.run_us(100)
+        silent_s = chain.bus.time_s - left_s
+        print(f"silent for {silent_s * 1e3:.1f} ms; {attempts} attempts until bus-off")
+        assert attempts == 32  # each costs 8 of 256 errors
+        assert 0.100 + 128 * 11 / 1e6 <= silent_s < 0.115
+        state = can_state(serial)
+        assert (state.bus_state, state.transmit_errors) == (tp.CanBusState.ACTIVE, 0)
+
+
+def test_a_sequence_drives_on_while_the_bus_is_off_and_its_log_comes_down_afterwards(
+    image: Path, native_library: Path
+) -> None:
+    with CanChain(image) as chain:
+        device = chain.host()
+        log_id = device.start(device.upload(MEDIUM))
+        chain.bus.run_us(500_000)
+        chain.bus.set_shorted(True)
+        chain.bus.run_us(3_000_000)
+        chain.bus.set_shorted(False)
+        log = device.log(log_id)
+        data, _ = device.read_log(log)
+        assert data == chain.in_ram(log.offset, log.length)
+        assert log.end.name == "FINISHED"
+        assert log.end_s - log.start_s == pytest.approx(2.5, abs=0.01)
+        assert can_state(device).bus_offs > 20
 
 
 def test_a_board_alone_on_its_bus_is_passive_and_comes_back(image: Path, native_library: Path) -> None:
