@@ -21,6 +21,7 @@ from support.served_board import ServedBoard
 from truing.device import Device, parameter_info
 from truing.drive import drive
 from truing.errors import LinkClosed, PortError
+from truing.link.can_address import CanAddress, can_address
 from truing.link.can_stream import CanStream, discover
 from truing.link.client import Client
 from truing.link.connect import VirtualOptions, open_can_bus, open_stream
@@ -220,6 +221,23 @@ def test_a_simulated_bus_has_the_board_and_the_bit_rate_that_are_asked_for(
         assert value(device, "can_bitrate_kbps") == (500 if "@" in port else 1000)
 
 
+@pytest.mark.parametrize(
+    ("said", "meant"),
+    [
+        ("socketcan:can0", CanAddress("socketcan", "can0")),
+        ("socketcan:can0/2", CanAddress("socketcan", "can0", node=2)),
+        ("slcan:/dev/pts/5", CanAddress("slcan", "/dev/pts/5")),
+        ("slcan:/dev/pts/5@500000/3", CanAddress("slcan", "/dev/pts/5", 500_000, 3)),
+        ("slcan:out/can", CanAddress("slcan", "out/can")),
+        ("slcan:out/can/3", CanAddress("slcan", "out/can", node=3)),
+        ("sim", CanAddress("sim", "")),
+        ("virtual:robots,3@500000/2", CanAddress("virtual", "robots,3", 500_000, 2)),
+    ],
+)
+def test_an_address_says_adapter_channel_bit_rate_and_node(said: str, meant: CanAddress) -> None:
+    assert can_address(said) == meant
+
+
 def truing(*arguments: str) -> str:
     said = subprocess.run([sys.executable, "-m", "truing", *arguments], capture_output=True, text=True)
     assert said.returncode == 0, said.stderr
@@ -243,3 +261,4 @@ def test_the_command_line_drives_a_board_in_real_time_through_slcan(
 def test_the_command_line_lists_the_boards_of_a_virtual_bus(image: Path, native_library: Path) -> None:
     nodes = json.loads(truing("--json", "ports", "--can", "virtual:robots,3@500000"))
     assert [node["node"] for node in nodes] == [1, 2, 3]
+    assert "can:virtual:robots,3@500000/2" in truing("ports", "--can", "virtual:robots,3@500000")

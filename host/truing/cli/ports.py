@@ -1,4 +1,4 @@
-"""`truing ports`: the serial ports of this machine."""
+"""`truing ports`: the serial ports of this machine, or the boards on a CAN bus."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ def command(app: App, can_bus: str | None) -> None:
     Example:
       truing ports
       truing ports --can socketcan:can0
+      truing ports --can virtual:robots,3         three virtual boards
     """
     if can_bus is not None:
         _list_nodes(app, can_bus)
@@ -65,5 +66,7 @@ def _list_nodes(app: App, where: str) -> None:
         remark = "" if node.schema_hash == SCHEMA_HASH else "another firmware version"
         if numbers.count(node.node) > 1:
             remark = "two boards with one number: give one another can_node over its serial port"
-        table.add_row(f"{bus.name}@{address.bit_rate}/{node.node}", f"{node.board:08x}", remark)
+        table.add_row(
+            f"can:{where.partition('@')[0]}@{address.bit_rate}/{node.node}", f"{node.board:08x}", remark
+        )
     app.show(table)

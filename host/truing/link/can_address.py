@@ -23,7 +23,7 @@ class CanAddress:
 def can_address(rest: str) -> CanAddress:
     """Take `INTERFACE:CHANNEL[@BITRATE][/NODE]` apart.
 
-    A channel that is a path takes a node only after a bit rate: in `/dev/pts/5` the 5 is none.
+    A channel that is an absolute path takes a node only after a bit rate: in `/dev/pts/5` the 5 is none.
 
     Raises
     ------
@@ -31,8 +31,9 @@ def can_address(rest: str) -> CanAddress:
     """
     where, at, tail = rest.partition("@")
     rate, slash, node = tail.partition("/")
-    if not at and ":/" not in where:
-        where, slash, node = where.partition("/")
+    head, _, last = where.rpartition("/")
+    if not at and ":/" not in where and head and last.isdecimal():
+        where, slash, node = head, "/", last
     interface, _, channel = where.partition(":")
     good = (
         interface
