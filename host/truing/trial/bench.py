@@ -29,6 +29,8 @@ BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
 HORIZON_S = 1.0
+# Noise levels beside which no misfit is large.
+_PLAIN_LEVEL = 30.0
 # Numbers that an effect counts over the whole set: with more runs in it they stand for more.
 _OVER_SET = ("supply_sag.drop_over_set", "winding_heating.gain_drop")
 
@@ -73,6 +75,7 @@ class Bench:
         self.simulator = SetSimulator(self.real)
         self.on_real = self._problem()
         self.on_clean = replace(self.on_real, data=self.clean, simulator=SetSimulator(self.clean))
+        self.plain = self._plain(self.on_clean)
         self._bases: dict[int, Fit] = {}
 
     @property
@@ -90,6 +93,13 @@ class Bench:
         stage = first_look(self.real, self.simulator)
         exact = replace(stage.base, residual=replace(stage.base.residual, speeds=self.clean.speed_mps))
         return stage.problem.with_noise(noise_under(stage.problem, exact), self.pose_sigma())
+
+    def _plain(self, problem: Problem) -> Problem:
+        """A problem by plain least squares: no memory, and no residual so large that it is clipped."""
+        noise = problem.noise
+        level = np.full(2, _PLAIN_LEVEL * self.noise_mps)
+        white = replace(noise, lags=np.zeros_like(noise.lags), sigma=level, rms=level)
+        return problem.with_noise(white, _PLAIN_LEVEL * self.pose_sigma())
 
     @property
     def noise_mps(self) -> float:
@@ -113,6 +123,15 @@ class Bench:
             self._bases[id(problem)] = fit(problem, (), problem.simulator.start(), iterations=25)
         return self._bases[id(problem)]
 
+    def effective(self, hints: Sequence[Fit]) -> Fit:
+        """The numbers that the catalogue's equations take on noise-free output."""
+        near = self.fitted(self.on_clean, self.names, hints)
+        return fit(self.plain, near.effects, near.theta, iterations=30)
+
+    def ceiling(self, ideal: Fit) -> Fit:
+        """The true structure refitted to the recordings, by the error that it is judged by."""
+        return fit(self._plain(self.on_real), ideal.effects, ideal.theta, iterations=30)
+
     def fitted(self, problem: Problem, names: Sequence[str], hints: Sequence[Fit] = ()) -> Fit:
         """A structure's best fit, from a search of its own and from the given ones."""
         best = self.base(problem)
@@ -121,7 +140,7 @@ class Bench:
             found = search.beside(best, 1)
             if not found:
                 break
-            best = found[0]
+            best = min(found, key=lambda one: one.cost)
         starts = [one.theta for one in hints if set(one.effects) == set(names)]
         if set(best.effects) != set(names):
             starts.append(best.theta)

@@ -92,8 +92,8 @@ def measure(bench: Bench, diagnosis: Diagnosis) -> Measured:
     if not known:
         return _with(figures, harm=_harm(bench, diagnosis))
     hints = _hints(bench.on_clean, diagnosis)
-    ideal = bench.fitted(bench.on_clean, bench.names, hints)
-    ceiling = bench.fitted(bench.on_real, bench.names, [ideal])
+    ideal = bench.effective(hints)
+    ceiling = bench.ceiling(ideal)
     rival, distance = _nearest_rival(bench, ideal, diagnosis)
     effective, intervals, inside = _intervals(bench, ideal, diagnosis)
     closed, refitted, harm = _gaps(bench, diagnosis, ceiling)
@@ -156,7 +156,8 @@ def _nearest_rival(bench: Bench, ideal: Fit, diagnosis: Diagnosis) -> tuple[str,
     found = Search.around(problem, base, rivals, 1).beside(base, _RIVALS) or [base]
     nearest = min(found, key=lambda one: one.cost)
     name = nearest.effects[0] if nearest.effects else "baseline"
-    return name, math.sqrt(max(nearest.cost - ideal.cost, 0.0))
+    true = bench.fitted(problem, bench.names, [ideal])
+    return name, math.sqrt(max(nearest.cost - true.cost, 0.0))
 
 
 def _intervals(
