@@ -80,8 +80,10 @@ void controller_poll(struct controller *controller)
 {
     struct frame request;
     link_flush(&controller->link);
+    robot_write_log(&controller->robot);
     /* Bytes are read however full the line is, so that a stop never waits behind other requests. */
     while (link_receive(&controller->link, &request)) {
+        robot_write_log(&controller->robot); /* what a reply says of the log holds now */
         requests_answer(controller, PORT_SERIAL, &request);
         link_flush(&controller->link);
     }

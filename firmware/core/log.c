@@ -1,222 +1,242 @@
-/* The log's memory: a ring of blocks that are sealed one by one, and a table of the logs in it. */
+/* The log's memory: a ring of cells, in which each sealed block takes as many as it needs. */
 #include "log.h"
 
 #include <string.h>
 
 #include "crc32.h"
-#include "hal.h"
 
-static uint8_t *block_bytes(struct log *log, uint32_t block)
-{
-    return log->ring[block % PROTO_LOG_BLOCK_COUNT];
-}
-
-static struct log_info *newest(struct log *log)
-{
-    return &log->table[(log->table_first + log->table_count - 1u) % LOG_TABLE_SIZE];
-}
-
-static void forget_oldest_log(struct log *log)
-{
-    log->table_first = (uint8_t)((log->table_first + 1u) % LOG_TABLE_SIZE);
-    log->table_count--;
-}
+static const uint32_t cell_size = PROTO_LOG_CELL_SIZE;
+/* The CRC is the header's last field. */
+static const size_t header_before_crc = PROTO_LOG_HEADER_SIZE - sizeof(uint32_t);
 
 void log_init(struct log *log)
 {
-    log->oldest_block = 0;
-    log->end_block = 0;
-    log->open = false;
-    log->used = 0;
-    log->records = 0;
-    log->table_first = 0;
-    log->table_count = 0;
+    memset(log, 0, sizeof *log);
+    for (uint32_t i = 0; i < (uint32_t)HAL_LOG_MEMORIES; i++) {
+        hal_log_memory(i, &log->memory[i]);
+        log->cells += (uint32_t)log->memory[i].size / cell_size;
+    }
 }
 
-void log_open(struct log *log, uint16_t log_id, uint16_t rate_hz, uint32_t sequence_crc, uint32_t now_ms)
+/* Where `offset` lies, and in *length how many of the bytes wanted from there on lie together. */
+static uint8_t *place(const struct log *log, uint32_t offset, size_t *length)
 {
-    if (log->table_count == LOG_TABLE_SIZE) {
-        forget_oldest_log(log);
-        log->oldest_block = log->table[log->table_first].first_block;
+    size_t position = (size_t)((offset / cell_size) % log->cells) * cell_size + offset % cell_size;
+    uint32_t memory = 0;
+    size_t size = log->memory[0].size / cell_size * cell_size;
+    while (position >= size) {
+        position -= size;
+        memory++;
+        size = log->memory[memory].size / cell_size * cell_size;
     }
-    log->table_count++;
-    *newest(log) = (struct log_info){
-        .log_id = log_id,
-        .rate_hz = rate_hz,
-        .end = PROTO_LOG_END_OPEN,
-        .first_block = log->end_block,
-        .end_block = log->end_block,
-        .start_ms = now_ms,
-        .end_ms = now_ms,
-        .sequence_crc = sequence_crc,
-    };
+    if (*length > size - position) {
+        *length = size - position;
+    }
+    return log->memory[memory].start + position;
+}
+
+void log_copy(const struct log *log, uint32_t offset, uint8_t *out, size_t length)
+{
+    size_t done = 0;
+    while (done < length) {
+        size_t run = length - done;
+        const uint8_t *const from = place(log, offset + (uint32_t)done, &run);
+        memcpy(out + done, from, run);
+        done += run;
+    }
+}
+
+static void store(struct log *log, uint32_t offset, const uint8_t *from, size_t length)
+{
+    size_t done = 0;
+    while (done < length) {
+        size_t run = length - done;
+        uint8_t *const to = place(log, offset + (uint32_t)done, &run);
+        memcpy(to, from + done, run);
+        done += run;
+    }
+}
+
+uint32_t log_digest(const struct log *log, uint32_t offset, uint32_t length)
+{
+    uint32_t crc = 0;
+    uint32_t done = 0;
+    while (done < length) {
+        size_t run = length - done;
+        const uint8_t *const from = place(log, offset + done, &run);
+        crc = crc32_update(crc, from, run);
+        done += (uint32_t)run;
+    }
+    return crc;
+}
+
+static struct proto_log_header header_at(const struct log *log, uint32_t cell)
+{
+    uint8_t bytes[PROTO_LOG_HEADER_SIZE];
+    struct proto_log_header header;
+    log_copy(log, cell * cell_size, bytes, sizeof bytes);
+    (void)proto_log_header_decode(&header, bytes, sizeof bytes);
+    return header;
+}
+
+/* At least one, so that whoever goes from block to block gets on even where the memory has gone bad. */
+static uint32_t cells_of(uint32_t used)
+{
+    return used > cell_size ? (used + cell_size - 1u) / cell_size : 1u;
+}
+
+static bool before_end(const struct log *log, uint32_t cell)
+{
+    return (int32_t)(log->end_cell - cell) > 0;
+}
+
+static void start_block(struct log *log)
+{
+    log->first_record = log->record_count;
+    log_coder_start(&log->coder, &log->opening.format, log->first_record, log->block + PROTO_LOG_HEADER_SIZE,
+                    sizeof log->block - PROTO_LOG_HEADER_SIZE);
+}
+
+void log_open(struct log *log, const struct log_opening *opening)
+{
+    log_close(log, PROTO_LOG_END_STOPPED);
     log->open = true;
+    log->opening = *opening;
+    log->record_count = 0;
+    log->end_ms = opening->start_ms;
+    start_block(log);
 }
 
-/* Takes the next block of the ring. Readers must see the old one as gone before its first byte changes. */
-static void open_block(struct log *log)
+/* Puts the block into the ring, in the place of the oldest ones. */
+static void seal_block(struct log *log, uint8_t end)
 {
-    if (log->end_block - log->oldest_block >= PROTO_LOG_BLOCK_COUNT) {
-        log->oldest_block = log->oldest_block + 1u;
-        /* Every log but the open one has at least one block, so at most one is overwritten by one block. */
-        const struct log_info *const oldest = &log->table[log->table_first];
-        if (oldest->end_block <= log->oldest_block) {
-            forget_oldest_log(log);
-        }
-    }
-    memset(&log->coder, 0, sizeof log->coder);
-    log->used = PROTO_LOG_HEADER_SIZE;
-    log->records = 0;
-}
-
-static void seal_block(struct log *log)
-{
-    uint8_t *const bytes = block_bytes(log, log->end_block);
-    const struct proto_log_header header = {
-        .block_number = log->end_block,
-        .log_id = newest(log)->log_id,
-        .used = log->used,
-        .records = log->records,
+    const size_t size = log_coder_finish(&log->coder);
+    const size_t used = PROTO_LOG_HEADER_SIZE + size;
+    const uint32_t cells = cells_of((uint32_t)used);
+    struct proto_log_header header = {
+        .cell = log->end_cell,
+        .log_id = log->opening.log_id,
+        .used = (uint16_t)used,
+        .records = (uint16_t)(log->record_count - log->first_record),
         .version = PROTO_LOG_RECORD_VERSION,
+        .end = end,
+        .first_record = log->first_record,
+        .start_ms = log->opening.start_ms,
+        .end_ms = log->end_ms,
+        .sequence_crc = log->opening.sequence_crc,
+        .metres_per_count = log->opening.format.geometry.metres_per_count,
+        .turns_per_count = log->opening.format.geometry.turns_per_count,
+        .rate_hz = log->opening.format.rate_hz,
     };
-    (void)proto_log_header_encode(&header, bytes, PROTO_LOG_HEADER_SIZE);
-    memset(bytes + log->used, 0, PROTO_LOG_BLOCK_SIZE - log->used);
-    log->used = 0;
-    log->end_block = log->end_block + 1u;
-    newest(log)->end_block = log->end_block;
+    (void)proto_log_header_encode(&header, log->block, PROTO_LOG_HEADER_SIZE);
+    header.crc32 = crc32_update(crc32_update(0, log->block, header_before_crc),
+                                log->block + PROTO_LOG_HEADER_SIZE, size);
+    (void)proto_log_header_encode(&header, log->block, PROTO_LOG_HEADER_SIZE);
+    memset(log->block + used, 0, cells * cell_size - used);
+    while (log->end_cell - log->oldest_cell + cells > log->cells) {
+        log->oldest_cell += cells_of(header_at(log, log->oldest_cell).used);
+    }
+    store(log, log->end_cell * cell_size, log->block, cells * cell_size);
+    log->end_cell += cells;
 }
 
-void log_append(struct log *log, const struct proto_log_record *record, uint32_t now_ms)
+void log_append(struct log *log, const struct proto_log_record *record)
 {
-    uint32_t words[PROTO_LOG_FIELD_COUNT];
-    uint8_t coded[LOG_CODING_MAX_SIZE];
     if (!log->open) {
         return;
     }
-    if (log->used == 0) {
-        open_block(log);
+    if (PROTO_LOG_HEADER_SIZE + log_coder_size(&log->coder) >= (size_t)LOG_FULL ||
+        log->record_count - log->first_record >= UINT16_MAX) {
+        seal_block(log, PROTO_LOG_END_OPEN);
+        start_block(log);
     }
-    proto_log_record_to_words(record, words);
-    size_t size = log_coder_encode(&log->coder, words, coded);
-    if (log->used + size > PROTO_LOG_BLOCK_SIZE) {
-        seal_block(log);
-        open_block(log);
-        size = log_coder_encode(&log->coder, words, coded);
-    }
-    memcpy(block_bytes(log, log->end_block) + log->used, coded, size);
-    log_coder_accept(&log->coder, words);
-    log->used = (uint16_t)(log->used + size);
-    log->records++;
-    newest(log)->record_count++;
-    newest(log)->end_ms = now_ms;
+    log_coder_add(&log->coder, record);
+    log->record_count++;
+    log->end_ms = log->opening.start_ms + record->t_ms;
 }
 
 void log_close(struct log *log, uint8_t end)
 {
-    if (!log->open) {
-        return;
+    if (log->open && log->record_count != 0) {
+        seal_block(log, end);
     }
-    if (log->used != 0) {
-        seal_block(log);
-    }
-    newest(log)->end = end;
     log->open = false;
 }
 
 uint32_t log_oldest_offset(const struct log *log)
 {
-    return log->oldest_block * PROTO_LOG_BLOCK_SIZE;
+    return log->oldest_cell * cell_size;
 }
 
 uint32_t log_end_offset(const struct log *log)
 {
-    return log->end_block * PROTO_LOG_BLOCK_SIZE;
+    return log->end_cell * cell_size;
 }
 
-/* The longest run of bytes from `offset` on that lies together in the ring. */
-static const uint8_t *run_at(const struct log *log, uint32_t offset, size_t *length)
+struct log_walk log_walk_start(const struct log *log)
 {
-    const uint32_t ring_size = PROTO_LOG_BLOCK_COUNT * PROTO_LOG_BLOCK_SIZE;
-    const uint32_t position = (offset / PROTO_LOG_BLOCK_SIZE) % PROTO_LOG_BLOCK_COUNT * PROTO_LOG_BLOCK_SIZE +
-                              offset % PROTO_LOG_BLOCK_SIZE;
-    if (*length > ring_size - position) {
-        *length = ring_size - position;
-    }
-    return &log->ring[0][0] + position;
+    return (struct log_walk){.cell = log->oldest_cell};
 }
 
-/* Offsets count modulo 2^32, hence the difference. The fence keeps the copy before the question. */
-static bool still_there(const struct log *log, uint32_t offset)
+/* The open log, of which no block has been sealed or is left. */
+static struct proto_log_entry open_entry(const struct log *log)
 {
-    __atomic_signal_fence(__ATOMIC_SEQ_CST);
-    return log_end_offset(log) - offset <= log_end_offset(log) - log_oldest_offset(log);
+    return (struct proto_log_entry){
+        .log_id = log->opening.log_id,
+        .truncated = log->first_record != 0,
+        .rate_hz = log->opening.format.rate_hz,
+        .first_cell = log->end_cell,
+        .start_ms = log->opening.start_ms,
+        .sequence_crc = log->opening.sequence_crc,
+    };
 }
 
-bool log_copy(const struct log *log, uint32_t offset, uint8_t *out, size_t length)
+/* Takes one more block of the same log into its entry. */
+static void extend(struct proto_log_entry *entry, const struct proto_log_header *header)
 {
-    size_t done = 0;
-    while (done < length) {
-        size_t run = length - done;
-        const uint8_t *const from = run_at(log, offset + (uint32_t)done, &run);
-        memcpy(out + done, from, run);
-        done += run;
-    }
-    return still_there(log, offset);
+    entry->end = header->end;
+    entry->cell_count += cells_of(header->used);
+    entry->record_count = header->first_record + header->records;
+    entry->end_ms = header->end_ms;
 }
 
-bool log_digest(const struct log *log, uint32_t offset, uint32_t length, uint32_t *crc)
+bool log_walk_next(const struct log *log, struct log_walk *walk, struct proto_log_entry *out)
 {
-    uint32_t done = 0;
-    *crc = 0;
-    while (done < length) {
-        size_t run = length - done;
-        const uint8_t *const from = run_at(log, offset + done, &run);
-        *crc = crc32_update(*crc, from, run);
-        done += (uint32_t)run;
-    }
-    return still_there(log, offset);
-}
-
-bool log_entry(const struct log *log, uint8_t index, struct proto_log_entry *out)
-{
-    const uint32_t state = hal_critical_enter();
-    const bool there = index < log->table_count;
-    const struct log_info info = log->table[(log->table_first + index) % LOG_TABLE_SIZE];
-    const uint32_t oldest = log->oldest_block;
-    hal_critical_exit(state);
-    if (!there) {
+    if (before_end(log, walk->cell)) {
+        struct proto_log_header header = header_at(log, walk->cell);
+        *out = (struct proto_log_entry){
+            .log_id = header.log_id,
+            .truncated = header.first_record != 0,
+            .rate_hz = header.rate_hz,
+            .first_cell = walk->cell,
+            .start_ms = header.start_ms,
+            .sequence_crc = header.sequence_crc,
+        };
+        do {
+            extend(out, &header);
+            walk->cell += cells_of(header.used);
+            if (before_end(log, walk->cell)) {
+                header = header_at(log, walk->cell);
+            }
+        } while (before_end(log, walk->cell) && header.log_id == out->log_id);
+    } else if (log->open && !walk->open_seen) {
+        *out = open_entry(log);
+    } else {
         return false;
     }
-    const bool truncated = info.first_block < oldest;
-    const uint32_t first = truncated ? oldest : info.first_block;
-    *out = (struct proto_log_entry){
-        .log_id = info.log_id,
-        .end = info.end,
-        .truncated = truncated,
-        .rate_hz = info.rate_hz,
-        .first_block = first,
-        .block_count = info.end_block > first ? info.end_block - first : 0,
-        .record_count = info.record_count,
-        .start_ms = info.start_ms,
-        .end_ms = info.end_ms,
-        .sequence_crc = info.sequence_crc,
-    };
+    if (log->open && out->log_id == log->opening.log_id) {
+        walk->open_seen = true;
+        out->end = PROTO_LOG_END_OPEN;
+        out->record_count = log->record_count;
+        out->end_ms = log->end_ms;
+    }
     return true;
-}
-
-uint8_t log_count(const struct log *log)
-{
-    return log->table_count;
 }
 
 bool log_erase(struct log *log)
 {
-    const uint32_t state = hal_critical_enter();
-    const bool closed = !log->open;
-    if (closed) {
-        log->oldest_block = log->end_block;
-        log->table_count = 0;
+    if (!log->open) {
+        log->oldest_cell = log->end_cell;
     }
-    hal_critical_exit(state);
-    return closed;
+    return !log->open;
 }

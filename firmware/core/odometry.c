@@ -24,10 +24,12 @@ static int64_t to_q40(float value)
 
 struct odometry_geometry odometry_geometry(float wheel_radius_m, float wheelbase_m, float counts_per_rev)
 {
+    /* (2 pi r / n) / W radians is r / (n W) turns. */
+    const float turns_per_count = wheel_radius_m / (counts_per_rev * wheelbase_m);
     const struct odometry_geometry geometry = {
+        .turns_per_count = turns_per_count,
         .half_metres_per_count = pi * wheel_radius_m / counts_per_rev,
-        /* (2 pi r / n) / W radians is r / (n W) turns. */
-        .turn_q40_per_count = to_q40(wheel_radius_m / (counts_per_rev * wheelbase_m)),
+        .turn_q40_per_count = to_q40(turns_per_count),
     };
     return geometry;
 }

@@ -6,8 +6,9 @@
 
 /* What the counts mean; derived from parameters by odometry_geometry. */
 struct odometry_geometry {
+    float turns_per_count;       /* heading per count of one wheel, turns */
     float half_metres_per_count; /* travel of the body per count of one wheel */
-    int64_t turn_q40_per_count;  /* heading per count of one wheel, 2^-40 turn */
+    int64_t turn_q40_per_count;  /* the same, 2^-40 turn */
 };
 
 /* Heading is a sum of integers: it is exact in the counts, and does not drift with time or distance. Position

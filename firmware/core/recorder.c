@@ -61,12 +61,6 @@ static int16_t rounded_mean(int32_t sum, int32_t count)
     return (int16_t)((sum + (sum >= 0 ? count / 2 : -count / 2)) / count);
 }
 
-static int16_t mean_speed_mmps(int32_t counts, float metres_per_count, uint32_t interval_ms)
-{
-    const float mmps = (float)counts * metres_per_count * 1.0e6f / (float)interval_ms;
-    return (int16_t)round_to_i32(clampf(mmps, -32768.0f, 32767.0f));
-}
-
 /* What only the recorder knows of a record, over the interval that ends now. */
 static void complete(struct recorder *recorder, struct recorder_view *view)
 {
@@ -78,7 +72,7 @@ static void complete(struct recorder *recorder, struct recorder_view *view)
         if (interval_ms > 0) {
             const int32_t moved = wrapped_difference(view->counts[wheel], recorder->counts_at_row[wheel]);
             effort[wheel] = rounded_mean(recorder->effort_sum_e4[wheel], (int32_t)interval_ms);
-            speed[wheel] = mean_speed_mmps(moved, view->metres_per_count, interval_ms);
+            speed[wheel] = log_replay_speed(&recorder->replay, moved, interval_ms);
         }
         recorder->effort_sum_e4[wheel] = 0;
         recorder->counts_at_row[wheel] = view->counts[wheel];
@@ -93,23 +87,30 @@ static void complete(struct recorder *recorder, struct recorder_view *view)
     recorder->row_ms = recorder->elapsed_ms;
 }
 
-void recorder_write(struct recorder *recorder, struct log *log, struct recorder_view *view)
+void recorder_write(struct recorder *recorder, struct log_feed *feed, struct recorder_view *view)
 {
     complete(recorder, view);
-    log_append(log, &view->record, view->now_ms);
+    log_feed_record(feed, &view->record);
     if (recorder->elapsed_ms == recorder->next_row_ms) {
         schedule_next_row(recorder);
     }
     if (recorder->ending != PROTO_LOG_END_OPEN) {
-        log_close(log, recorder->ending);
+        log_feed_close(feed, recorder->ending);
         recorder->active = false;
         recorder->ending = PROTO_LOG_END_OPEN;
     }
 }
 
-void recorder_open(struct recorder *recorder, struct log *log, struct recorder_view *view)
+void recorder_open(struct recorder *recorder, struct log_feed *feed, struct recorder_view *view)
 {
-    log_open(log, recorder->next_log_id, recorder->rate_hz, recorder->sequence_crc, view->now_ms);
+    const struct log_opening opening = {
+        .log_id = recorder->next_log_id,
+        .start_ms = view->now_ms,
+        .sequence_crc = recorder->sequence_crc,
+        .format = {.geometry = view->geometry, .rate_hz = recorder->rate_hz},
+    };
+    log_feed_open(feed, &opening);
+    log_replay_start(&recorder->replay, &view->geometry);
     recorder->next_log_id = (uint16_t)(recorder->next_log_id == UINT16_MAX ? 1 : recorder->next_log_id + 1);
     recorder->opening = false;
     recorder->active = true;
@@ -124,5 +125,5 @@ void recorder_open(struct recorder *recorder, struct log *log, struct recorder_v
         recorder->counts_at_row[wheel] = view->counts[wheel];
         recorder->effort_sum_e4[wheel] = 0;
     }
-    recorder_write(recorder, log, view);
+    recorder_write(recorder, feed, view);
 }

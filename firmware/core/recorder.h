@@ -11,7 +11,8 @@
 #include <stdint.h>
 
 #include "hal.h"
-#include "log.h"
+#include "log_feed.h"
+#include "log_replay.h"
 
 struct recorder {
     bool opening;   /* a log shall open at the next tick */
@@ -28,6 +29,7 @@ struct recorder {
     uint32_t next_row_part;            /* fraction of a millisecond carried, in 1/rate */
     uint16_t open_rate_hz;             /* of the open log */
     int32_t effort_sum_e4[HAL_WHEELS]; /* applied effort, summed over the ticks since the last record */
+    struct log_replay replay;          /* how speeds follow from counts, as the host finds them too */
     int32_t counts_at_open[HAL_WHEELS];
     int32_t counts_at_row[HAL_WHEELS];
 };
@@ -37,7 +39,7 @@ struct recorder {
 struct recorder_view {
     uint32_t now_ms;
     int32_t counts[HAL_WHEELS];
-    float metres_per_count;
+    struct log_geometry geometry;
     struct proto_log_record record;
 };
 
@@ -56,10 +58,10 @@ void recorder_pass(struct recorder *recorder, const int16_t applied_e4[HAL_WHEEL
 /* Whether this tick has a record to write. */
 bool recorder_due(const struct recorder *recorder);
 
-/* Writes the record that is due, and closes the log if that was asked for. */
-void recorder_write(struct recorder *recorder, struct log *log, struct recorder_view *view);
+/* Hands over the record that is due, and the log's end if that was asked for. */
+void recorder_write(struct recorder *recorder, struct log_feed *feed, struct recorder_view *view);
 
 /* Opens the log that was asked for, with its first record. */
-void recorder_open(struct recorder *recorder, struct log *log, struct recorder_view *view);
+void recorder_open(struct recorder *recorder, struct log_feed *feed, struct recorder_view *view);
 
 #endif

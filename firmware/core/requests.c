@@ -64,8 +64,8 @@ static struct refusal answer_hello(struct controller *controller, const struct f
         .max_payload = PROTO_MAX_PAYLOAD,
         .max_segments = PROTO_MAX_SEGMENTS,
         .parameter_count = PROTO_PARAMETER_COUNT,
-        .log_block_size = PROTO_LOG_BLOCK_SIZE,
-        .log_block_count = PROTO_LOG_BLOCK_COUNT,
+        .log_cell_size = PROTO_LOG_CELL_SIZE,
+        .log_cell_count = (uint16_t)controller->robot.log.cells,
         .reset_cause = boot_reset_cause(identity),
         .clock_source = clock_source_of(identity),
     };

@@ -16,16 +16,21 @@ struct refusal requests_log_list(const struct log *log, const struct frame *requ
     uint8_t *const entries = reply->bytes + PROTO_LOG_LIST_REPLY_SIZE;
     const size_t room = (reply->capacity - PROTO_LOG_LIST_REPLY_SIZE) / PROTO_LOG_ENTRY_SIZE;
     size_t count = 0;
+    uint32_t total = 0;
+    struct log_walk walk = log_walk_start(log);
     struct proto_log_entry entry;
-    while (count < room && in.first + count <= UINT8_MAX &&
-           log_entry(log, (uint8_t)(in.first + count), &entry)) {
-        (void)proto_log_entry_encode(&entry, entries + count * PROTO_LOG_ENTRY_SIZE, PROTO_LOG_ENTRY_SIZE);
-        count++;
+    while (log_walk_next(log, &walk, &entry)) {
+        if (total >= in.first && count < room) {
+            (void)proto_log_entry_encode(&entry, entries + count * PROTO_LOG_ENTRY_SIZE,
+                                         PROTO_LOG_ENTRY_SIZE);
+            count++;
+        }
+        total++;
     }
     const struct proto_log_list_reply out = {
         .oldest_offset = log_oldest_offset(log),
         .end_offset = log_end_offset(log),
-        .total = log_count(log),
+        .total = (uint16_t)total,
     };
     reply->length =
         proto_log_list_reply_encode(&out, reply->bytes, reply->capacity) + count * PROTO_LOG_ENTRY_SIZE;
@@ -62,9 +67,7 @@ struct refusal requests_log_read(const struct log *log, const struct frame *requ
     }
     const uint32_t left = log_end_offset(log) - in.offset;
     const size_t length = in.length < left ? in.length : left;
-    if (!log_copy(log, in.offset, reply->bytes + PROTO_LOG_READ_REPLY_SIZE, length)) {
-        return refused(PROTO_REFUSAL_REASON_LOG_GONE, log_oldest_offset(log));
-    }
+    log_copy(log, in.offset, reply->bytes + PROTO_LOG_READ_REPLY_SIZE, length);
     const struct proto_log_read_reply out = {.offset = in.offset};
     reply->length = proto_log_read_reply_encode(&out, reply->bytes, reply->capacity) + length;
     return accepted();
@@ -83,10 +86,11 @@ struct refusal requests_log_digest(const struct log *log, const struct frame *re
     if (verdict.reason != REFUSAL_NONE) {
         return verdict;
     }
-    struct proto_log_digest_reply out = {.offset = in.offset, .length = in.length};
-    if (!log_digest(log, in.offset, in.length, &out.crc32)) {
-        return refused(PROTO_REFUSAL_REASON_LOG_GONE, log_oldest_offset(log));
-    }
+    const struct proto_log_digest_reply out = {
+        .offset = in.offset,
+        .length = in.length,
+        .crc32 = log_digest(log, in.offset, in.length),
+    };
     reply->length = proto_log_digest_reply_encode(&out, reply->bytes, reply->capacity);
     return accepted();
 }

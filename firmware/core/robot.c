@@ -34,6 +34,7 @@ void robot_init(struct robot *robot, uint32_t boot_faults)
     };
     robot->now_ms = 0;
     robot->speeds_stale = true; /* how long ago this sample was taken, nobody knows */
+    log_feed_init(&robot->feed);
     log_init(&robot->log);
 }
 
@@ -103,7 +104,10 @@ static void view_command(const struct robot *robot, struct recorder_view *view)
 static void view_sensors(const struct robot *robot, struct recorder_view *view)
 {
     view->now_ms = robot->now_ms;
-    view->metres_per_count = robot->tuning.metres_per_count;
+    view->geometry = (struct log_geometry){
+        .metres_per_count = robot->tuning.metres_per_count,
+        .turns_per_count = robot->tuning.geometry.turns_per_count,
+    };
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
         view->counts[wheel] = robot->counts[wheel];
     }
@@ -157,12 +161,12 @@ void robot_tick(struct robot *robot)
 
     if (recorder_due(&robot->recorder)) {
         view_sensors(robot, &view);
-        recorder_write(&robot->recorder, &robot->log, &view);
+        recorder_write(&robot->recorder, &robot->feed, &view);
     }
     if (start) {
         robot->odometry = (struct odometry){0};
         view_sensors(robot, &view);
-        recorder_open(&robot->recorder, &robot->log, &view);
+        recorder_open(&robot->recorder, &robot->feed, &view);
     }
     drive_step(&robot->drive, &robot->tuning, robot->speed, robot->view.still);
 }
@@ -244,6 +248,11 @@ struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, uint16_t 
     command_segment(robot);
     hal_critical_exit(state);
     return accepted();
+}
+
+void robot_write_log(struct robot *robot)
+{
+    log_feed_drain(&robot->feed, &robot->log);
 }
 
 void robot_audit(struct robot *robot)

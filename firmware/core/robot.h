@@ -12,6 +12,7 @@
 #include "drive.h"
 #include "hal.h"
 #include "log.h"
+#include "log_feed.h"
 #include "odometry.h"
 #include "parameter_store.h"
 #include "parameters.h"
@@ -39,13 +40,17 @@ struct robot {
     struct supervisor supervisor;
     struct supervisor_view view; /* of this tick */
     volatile uint32_t now_ms;
-    bool speeds_stale; /* ticks were missed: the counts since the last one say nothing of a speed */
+    bool speeds_stale;    /* ticks were missed: the counts since the last one say nothing of a speed */
+    struct log_feed feed; /* from the tick to the log */
     struct log log;
 };
 
 /* `boot_faults`: what the start brings along, see boot.h. */
 void robot_init(struct robot *robot, uint32_t boot_faults);
 void robot_tick(struct robot *robot);
+
+/* From the main loop: codes the records that wait. */
+void robot_write_log(struct robot *robot);
 
 /* From the main loop: goes on checking the running sequence against its CRC, one segment a call. */
 void robot_audit(struct robot *robot);

@@ -110,6 +110,14 @@ bool hal_store_program(uint32_t slot, uint32_t offset, uint32_t word);
 
 void hal_store_read(uint32_t slot, uint32_t offset, uint8_t *out, size_t length);
 
+/* Memory for the log, in up to two pieces; what it holds at the start means nothing. */
+enum { HAL_LOG_MEMORIES = 2 };
+struct hal_memory {
+    uint8_t *start;
+    size_t size; /* bytes; 0: there is no such piece, which can only be so for the last */
+};
+void hal_log_memory(uint32_t piece, struct hal_memory *out);
+
 /* Holds off the control tick; returns what hal_critical_exit needs to restore the state before. Nests. */
 uint32_t hal_critical_enter(void);
 void hal_critical_exit(uint32_t state);

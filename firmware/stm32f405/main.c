@@ -9,6 +9,7 @@
 #include "hal.h"
 #include "identity.h"
 #include "idle.h"
+#include "log_memory.h"
 #include "motors.h"
 #include "pins.h"
 #include "registers.h"
@@ -94,7 +95,7 @@ void hal_critical_exit(uint32_t state)
 
 static void start_peripheral_clocks(void)
 {
-    RCC->ahb1enr |= RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOB | RCC_AHB1ENR_GPIOC;
+    RCC->ahb1enr |= RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOB | RCC_AHB1ENR_GPIOC | RCC_AHB1ENR_CCM;
     RCC->ahb2enr |= RCC_AHB2ENR_RNG;
     RCC->apb1enr |=
         RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM3 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_USART3 | RCC_APB1ENR_CAN1;
@@ -123,6 +124,7 @@ int main(void)
     pin_to_output(GPIOC, LED_PIN);
     led_half_period_ms = clock.source == CLOCK_CRYSTAL_PLL ? LED_MS : LED_FALLBACK_MS;
     identity_start(&clock);
+    log_memory_start();
     controller_init(&controller);
     usart_link_start(clock.apb1_hz); /* late, or what arrives before interrupts are on would overrun */
     bxcan_prepare(clock.apb1_hz);

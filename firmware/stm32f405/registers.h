@@ -107,6 +107,7 @@ _Static_assert(sizeof(struct rcc) == 0x78, "RCC_CSR lies at 0x74");
 #define RCC_AHB1ENR_GPIOA   (1u << 0)
 #define RCC_AHB1ENR_GPIOB   (1u << 1)
 #define RCC_AHB1ENR_GPIOC   (1u << 2)
+#define RCC_AHB1ENR_CCM     (1u << 20)
 #define RCC_AHB2ENR_RNG     (1u << 6)
 #define RCC_APB1ENR_TIM2    (1u << 0)
 #define RCC_APB1ENR_TIM3    (1u << 1)
@@ -144,6 +145,10 @@ _Static_assert(sizeof(struct rcc) == 0x78, "RCC_CSR lies at 0x74");
 #define FLASH_CR_PSIZE_32      (2u << 8) /* 32 bits at a time, at 2.7 to 3.6 V */
 #define FLASH_CR_STRT          (1u << 16)
 #define FLASH_CR_LOCK          (1u << 31)
+
+/* Core-coupled memory, section 2.3.1. Other parts of the family have none. */
+#define CCM_ADDRESS 0x10000000u
+#define CCM_SIZE    0x10000u
 
 /* Device identity, section 38.6.1, and the unique device id, section 39.1. */
 #define DBGMCU_IDCODE_ADDRESS 0xE0042000u

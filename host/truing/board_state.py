@@ -9,7 +9,7 @@ from typing import Any
 
 from truing.link.refusals import faults_in
 from truing_protocol import (
-    LOG_BLOCK_SIZE,
+    LOG_CELL_SIZE,
     FaultInfo,
     LogEnd,
     LogEntry,
@@ -175,8 +175,8 @@ class BoardLog:
             end=LogEnd(entry.end),
             truncated=bool(entry.truncated),
             rate_hz=entry.rate_hz,
-            offset=entry.first_block * LOG_BLOCK_SIZE,
-            length=entry.block_count * LOG_BLOCK_SIZE,
+            offset=entry.first_cell * LOG_CELL_SIZE,
+            length=entry.cell_count * LOG_CELL_SIZE,
             record_count=entry.record_count,
             start_s=entry.start_ms / 1000,
             end_s=entry.end_ms / 1000,

@@ -67,6 +67,8 @@ _WIRE_KIND = {
 _SEGMENTS_PER_FRAME = 6
 # While the board erases a sector of its flash, 0.25 to 0.5 s, it hears nothing; what is sent then is lost.
 _SAVE_WAIT_S = 0.8
+# More logs than any board holds: the answer then has none of them, and is short.
+_NONE = 0xFFFF
 # A stop is worth more patience than anything else.
 _STOP_PATIENCE_S = 6.0
 
@@ -284,7 +286,7 @@ class Device:
         Asks from the newest backwards: a short answer gets through a bad line where the list of
         all logs would not.
         """
-        total = self._log_list(255).total
+        total = self._log_list(_NONE).total
         for first in range(total - 1, -1, -1):
             # Others may have been added or overwritten since `total` was asked.
             entries = self._log_list(first).entries

@@ -87,8 +87,8 @@ size_t proto_log_entry_encode(const struct proto_log_entry *from, uint8_t *out, 
     put_u8(out + 2, from->end);
     put_u8(out + 3, from->truncated);
     put_u16(out + 4, from->rate_hz);
-    put_u32(out + 6, from->first_block);
-    put_u32(out + 10, from->block_count);
+    put_u32(out + 6, from->first_cell);
+    put_u32(out + 10, from->cell_count);
     put_u32(out + 14, from->record_count);
     put_u32(out + 18, from->start_ms);
     put_u32(out + 22, from->end_ms);
@@ -104,8 +104,8 @@ bool proto_log_entry_decode(struct proto_log_entry *to, const uint8_t *in, size_
     to->end = get_u8(in + 2);
     to->truncated = get_u8(in + 3);
     to->rate_hz = get_u16(in + 4);
-    to->first_block = get_u32(in + 6);
-    to->block_count = get_u32(in + 10);
+    to->first_cell = get_u32(in + 6);
+    to->cell_count = get_u32(in + 10);
     to->record_count = get_u32(in + 14);
     to->start_ms = get_u32(in + 18);
     to->end_ms = get_u32(in + 22);
@@ -209,8 +209,8 @@ size_t proto_hello_reply_encode(const struct proto_hello_reply *from, uint8_t *o
     put_u16(out + 56, from->max_payload);
     put_u16(out + 58, from->max_segments);
     put_u16(out + 60, from->parameter_count);
-    put_u16(out + 62, from->log_block_size);
-    put_u16(out + 64, from->log_block_count);
+    put_u16(out + 62, from->log_cell_size);
+    put_u16(out + 64, from->log_cell_count);
     put_u8(out + 66, from->reset_cause);
     put_u8(out + 67, from->clock_source);
     return PROTO_HELLO_REPLY_SIZE;
@@ -234,8 +234,8 @@ bool proto_hello_reply_decode(struct proto_hello_reply *to, const uint8_t *in, s
     to->max_payload = get_u16(in + 56);
     to->max_segments = get_u16(in + 58);
     to->parameter_count = get_u16(in + 60);
-    to->log_block_size = get_u16(in + 62);
-    to->log_block_count = get_u16(in + 64);
+    to->log_cell_size = get_u16(in + 62);
+    to->log_cell_count = get_u16(in + 64);
     to->reset_cause = get_u8(in + 66);
     to->clock_source = get_u8(in + 67);
     return true;
@@ -669,7 +669,7 @@ size_t proto_log_list_request_encode(const struct proto_log_list_request *from, 
     if (capacity < PROTO_LOG_LIST_REQUEST_SIZE) {
         return 0;
     }
-    put_u8(out + 0, from->first);
+    put_u16(out + 0, from->first);
     return PROTO_LOG_LIST_REQUEST_SIZE;
 }
 
@@ -677,7 +677,7 @@ bool proto_log_list_request_decode(struct proto_log_list_request *to, const uint
     if (length != PROTO_LOG_LIST_REQUEST_SIZE) {
         return false;
     }
-    to->first = get_u8(in + 0);
+    to->first = get_u16(in + 0);
     return true;
 }
 
@@ -688,9 +688,9 @@ size_t proto_log_list_reply_encode(const struct proto_log_list_reply *from, uint
     }
     put_u32(out + 0, from->oldest_offset);
     put_u32(out + 4, from->end_offset);
-    put_u8(out + 8, from->total);
+    put_u16(out + 8, from->total);
     if (tail > 0) {
-        memcpy(out + 9, from->entries, tail);
+        memcpy(out + 10, from->entries, tail);
     }
     return PROTO_LOG_LIST_REPLY_SIZE + tail;
 }
@@ -701,8 +701,8 @@ bool proto_log_list_reply_decode(struct proto_log_list_reply *to, const uint8_t 
     }
     to->oldest_offset = get_u32(in + 0);
     to->end_offset = get_u32(in + 4);
-    to->total = get_u8(in + 8);
-    to->entries = in + 9;
+    to->total = get_u16(in + 8);
+    to->entries = in + 10;
     to->entries_count = (length - PROTO_LOG_LIST_REPLY_SIZE) / PROTO_LOG_ENTRY_SIZE;
     return true;
 }
@@ -887,11 +887,20 @@ size_t proto_log_header_encode(const struct proto_log_header *from, uint8_t *out
     if (capacity < PROTO_LOG_HEADER_SIZE) {
         return 0;
     }
-    put_u32(out + 0, from->block_number);
+    put_u32(out + 0, from->cell);
     put_u16(out + 4, from->log_id);
     put_u16(out + 6, from->used);
     put_u16(out + 8, from->records);
-    put_u16(out + 10, from->version);
+    put_u8(out + 10, from->version);
+    put_u8(out + 11, from->end);
+    put_u32(out + 12, from->first_record);
+    put_u32(out + 16, from->start_ms);
+    put_u32(out + 20, from->end_ms);
+    put_u32(out + 24, from->sequence_crc);
+    put_f32(out + 28, from->metres_per_count);
+    put_f32(out + 32, from->turns_per_count);
+    put_u16(out + 36, from->rate_hz);
+    put_u32(out + 38, from->crc32);
     return PROTO_LOG_HEADER_SIZE;
 }
 
@@ -899,11 +908,20 @@ bool proto_log_header_decode(struct proto_log_header *to, const uint8_t *in, siz
     if (length != PROTO_LOG_HEADER_SIZE) {
         return false;
     }
-    to->block_number = get_u32(in + 0);
+    to->cell = get_u32(in + 0);
     to->log_id = get_u16(in + 4);
     to->used = get_u16(in + 6);
     to->records = get_u16(in + 8);
-    to->version = get_u16(in + 10);
+    to->version = get_u8(in + 10);
+    to->end = get_u8(in + 11);
+    to->first_record = get_u32(in + 12);
+    to->start_ms = get_u32(in + 16);
+    to->end_ms = get_u32(in + 20);
+    to->sequence_crc = get_u32(in + 24);
+    to->metres_per_count = get_f32(in + 28);
+    to->turns_per_count = get_f32(in + 32);
+    to->rate_hz = get_u16(in + 36);
+    to->crc32 = get_u32(in + 38);
     return true;
 }
 

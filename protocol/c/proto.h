@@ -11,16 +11,16 @@
 #define PROTO_VERSION 1u
 #define PROTO_MAX_PAYLOAD 1024u
 #define PROTO_MAX_SEGMENTS 256u
-#define PROTO_LOG_BLOCK_SIZE 512u
-#define PROTO_LOG_BLOCK_COUNT 160u
-#define PROTO_LOG_RECORD_VERSION 1u
+#define PROTO_LOG_CELL_SIZE 64u
+#define PROTO_LOG_BLOCK_LIMIT 1024u
+#define PROTO_LOG_RECORD_VERSION 2u
 #define PROTO_CAN_HOST_TO_BOARD 0x600u
 #define PROTO_CAN_BOARD_TO_HOST 0x640u
 #define PROTO_CAN_NODES 0x3fu
 #define PROTO_CAN_ANNOUNCE_BASE 0x680u /* its CAN id is this plus the node */
 #define PROTO_CAN_STATUS_BASE 0x6c0u /* its CAN id is this plus the node */
 #define PROTO_CAN_MOTION_BASE 0x700u /* its CAN id is this plus the node */
-#define PROTO_SCHEMA_HASH 0xa6fe1e6bu
+#define PROTO_SCHEMA_HASH 0xff54a95du
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
@@ -199,8 +199,8 @@ struct proto_log_entry {
     uint8_t end; /* log_end */
     uint8_t truncated; /* 1: the ring has overwritten its first blocks */
     uint16_t rate_hz;
-    uint32_t first_block; /* first block that is still there */
-    uint32_t block_count; /* sealed blocks that are still there */
+    uint32_t first_cell; /* first cell that is still there */
+    uint32_t cell_count; /* cells of sealed blocks that are still there */
     uint32_t record_count; /* records written since the log opened */
     uint32_t start_ms; /* device time */
     uint32_t end_ms; /* device time of the last record */
@@ -262,8 +262,8 @@ struct proto_hello_reply {
     uint16_t max_payload; /* bytes */
     uint16_t max_segments;
     uint16_t parameter_count;
-    uint16_t log_block_size; /* bytes */
-    uint16_t log_block_count;
+    uint16_t log_cell_size; /* bytes */
+    uint16_t log_cell_count; /* cells in the log's ring: what memory was found good at the start */
     uint8_t reset_cause; /* reset_cause */
     uint8_t clock_source; /* clock_source */
 };
@@ -472,20 +472,20 @@ struct proto_seq_state_reply {
 size_t proto_seq_state_reply_encode(const struct proto_seq_state_reply *from, uint8_t *out, size_t capacity);
 bool proto_seq_state_reply_decode(struct proto_seq_state_reply *to, const uint8_t *in, size_t length);
 
-#define PROTO_LOG_LIST_REQUEST_SIZE 1u
+#define PROTO_LOG_LIST_REQUEST_SIZE 2u
 /* the logs in the ring, oldest first */
 struct proto_log_list_request {
-    uint8_t first; /* skip this many */
+    uint16_t first; /* skip this many */
 };
 size_t proto_log_list_request_encode(const struct proto_log_list_request *from, uint8_t *out, size_t capacity);
 bool proto_log_list_request_decode(struct proto_log_list_request *to, const uint8_t *in, size_t length);
 
-#define PROTO_LOG_LIST_REPLY_SIZE 9u
+#define PROTO_LOG_LIST_REPLY_SIZE 10u
 /* reply: the logs in the ring, oldest first */
 struct proto_log_list_reply {
     uint32_t oldest_offset; /* first byte that can be read */
     uint32_t end_offset; /* one past the last sealed byte */
-    uint8_t total; /* logs in the ring */
+    uint16_t total; /* logs in the ring */
     const uint8_t *entries; /* packed, PROTO_LOG_ENTRY_SIZE bytes each:  */
     size_t entries_count;
 };
@@ -579,20 +579,29 @@ struct proto_refusal {
 size_t proto_refusal_encode(const struct proto_refusal *from, uint8_t *out, size_t capacity);
 bool proto_refusal_decode(struct proto_refusal *to, const uint8_t *in, size_t length);
 
-#define PROTO_LOG_HEADER_SIZE 12u
-/* opens every block of the log's ring */
+#define PROTO_LOG_HEADER_SIZE 42u
+/* opens every block of the log, and says all that its records need to be decoded */
 struct proto_log_header {
-    uint32_t block_number; /* counts up from 0 since boot; the block's absolute offset is this times log_block_size */
+    uint32_t cell; /* the block's first cell, counted from 0 since boot; its absolute offset is this times log_cell_size */
     uint16_t log_id;
-    uint16_t used; /* bytes used, this header included; the rest is zero */
+    uint16_t used; /* bytes used, this header included; zeros fill the block's last cell */
     uint16_t records; /* records in this block */
-    uint16_t version; /* log_record_version */
+    uint8_t version; /* log_record_version */
+    uint8_t end; /* log_end; open in all blocks but a log's last */
+    uint32_t first_record; /* records of this log before this block */
+    uint32_t start_ms; /* device time at which the log opened */
+    uint32_t end_ms; /* device time of the block's last record */
+    uint32_t sequence_crc; /* CRC-32 of the sequence that was run; 0 in live modes */
+    float metres_per_count; /* travel of a wheel */
+    float turns_per_count; /* turn of the body while one wheel counts once and the other stands */
+    uint16_t rate_hz;
+    uint32_t crc32; /* CRC-32 over the block's used bytes, these four left out */
 };
 size_t proto_log_header_encode(const struct proto_log_header *from, uint8_t *out, size_t capacity);
 bool proto_log_header_decode(struct proto_log_header *to, const uint8_t *in, size_t length);
 
 #define PROTO_LOG_RECORD_SIZE 45u
-/* one sample of the log; bit i of a coded record's mask stands for field i */
+/* one sample of the log */
 struct proto_log_record {
     uint32_t t_ms; /* device time since the log opened */
     uint8_t mode; /* mode */
@@ -615,8 +624,7 @@ size_t proto_log_record_encode(const struct proto_log_record *from, uint8_t *out
 bool proto_log_record_decode(struct proto_log_record *to, const uint8_t *in, size_t length);
 
 #define PROTO_LOG_FIELD_COUNT 16u
-#define PROTO_LOG_LINE_MASK 0x7301u /* fields predicted by 2 * last - one before; others by last */
-/* A record as one 32-bit word per field (signed fields sign-extended), in the order of the mask's bits. */
+/* A record as one 32-bit word per field (signed fields sign-extended), in the schema's order. */
 void proto_log_record_to_words(const struct proto_log_record *from, uint32_t words[PROTO_LOG_FIELD_COUNT]);
 void proto_log_record_from_words(struct proto_log_record *to, const uint32_t words[PROTO_LOG_FIELD_COUNT]);
 

@@ -100,12 +100,10 @@ def _tables_header(schema: Schema) -> str:
 
 
 def _log_header(schema: Schema) -> str:
-    line_mask = sum(1 << i for i, f in enumerate(schema.log_record.fields) if f.predict == "line")
     return "\n".join(
         [
             f"#define PROTO_LOG_FIELD_COUNT {len(schema.log_record.fields)}u",
-            f"#define PROTO_LOG_LINE_MASK {line_mask:#06x}u /* fields predicted by 2 * last - one before; others by last */",
-            "/* A record as one 32-bit word per field (signed fields sign-extended), in the order of the mask's bits. */",
+            "/* A record as one 32-bit word per field (signed fields sign-extended), in the schema's order. */",
             "void proto_log_record_to_words(const struct proto_log_record *from, uint32_t words[PROTO_LOG_FIELD_COUNT]);",
             "void proto_log_record_from_words(struct proto_log_record *to, const uint32_t words[PROTO_LOG_FIELD_COUNT]);",
             "",

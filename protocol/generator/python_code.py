@@ -291,12 +291,9 @@ def tables(schema: Schema) -> str:
         f'        ("{f.name}", "{NUMPY_CODES[f.scalar]}"),' + (f"  # {f.doc}" if f.doc else "")
         for f in schema.log_record.fields
     ]
-    line_fields = [f.predict == "line" for f in schema.log_record.fields]
     lines += [
         "    ]",
         ")",
-        "# True: predicted by 2 * last - one before; False: by last.",
-        f"LOG_PREDICT_LINE: Final[tuple[bool, ...]] = {tuple(line_fields)!r}",
         "",
     ]
     return "\n".join(lines)

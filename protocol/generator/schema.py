@@ -28,7 +28,6 @@ class Field:
     scalar: str  # u8, u16, u32, i16, i32, f32, char; "bytes" or a struct's name for a tail
     count: int  # 1 for a plain scalar; array length; 0 for a tail
     doc: str
-    predict: str = ""
     scale: float = 1.0  # of a broadcast's field: physical value of one step
     unit: str = ""
     signals: str = ""  # of a broadcast's field: the enum that names its values, or "fault" for bits
@@ -158,10 +157,9 @@ class Schema:
 
 def _field(raw: dict[str, Any], owner: str) -> Field:
     text, name, doc = raw["type"], raw["name"], raw["doc"]
-    predict = raw.get("predict", "")
     if text in SCALAR_SIZES:
         physical = raw.get("scale", 1.0), raw.get("unit", ""), raw.get("signals", "")
-        return Field(name, text, 1, doc, predict, *physical)
+        return Field(name, text, 1, doc, *physical)
     if text == "bytes":
         return Field(name, "bytes", 0, doc)
     if match := _STRUCT_TAIL.match(text):
@@ -216,7 +214,9 @@ def _check_keys(parameters: tuple[Parameter, ...]) -> None:
     seen: dict[int, str] = {}
     for parameter in parameters:
         if parameter.key in seen:
-            raise SchemaError(f"{parameter.name} and {seen[parameter.key]} share the store's key {parameter.key:#x}")
+            raise SchemaError(
+                f"{parameter.name} and {seen[parameter.key]} share the store's key {parameter.key:#x}"
+            )
         seen[parameter.key] = parameter.name
 
 
@@ -236,8 +236,8 @@ def load(path: Path) -> Schema:
     )
     messages = tuple(_message(m) for m in raw["message"])
     _check_ids(messages, raw["refusal"]["id"])
-    if len(raw["fault"]) > 32 or len(raw["log_record"]["fields"]) > 16:
-        raise SchemaError("at most 32 faults and 16 log fields fit their bit masks")
+    if len(raw["fault"]) > 32 or len(raw["log_record"]["fields"]) != 16:
+        raise SchemaError("at most 32 faults fit their bit mask, and the log has 16 fields")
     parameters = tuple(
         Parameter(
             p["name"],

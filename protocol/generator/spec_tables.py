@@ -76,13 +76,10 @@ def _tables(schema: Schema) -> list[str]:
         *_record(schema.log_header),
         "### Log record",
         "",
-        "| mask bit | field | type | prediction | meaning |",
-        "| --- | --- | --- | --- | --- |",
+        "| field | type | meaning |",
+        "| --- | --- | --- |",
     ]
-    lines += [
-        f"| {i} | `{f.name}` | {f.scalar} | {f.predict} | {f.doc} |"
-        for i, f in enumerate(schema.log_record.fields)
-    ]
+    lines += [f"| `{f.name}` | {f.scalar} | {f.doc} |" for f in schema.log_record.fields]
     lines += [
         "",
         "### Faults",

@@ -10,6 +10,7 @@ import struct
 import zlib
 from typing import Any
 
+from .log_coder import LogFormat, seal
 from .schema import Field, Record, Schema
 
 CODES = {"u8": "<B", "u16": "<H", "u32": "<I", "i16": "<h", "i32": "<i", "f32": "<f"}
@@ -80,56 +81,63 @@ def _pack(schema: Schema, record: Record, values: dict[str, Any]) -> bytes:
     return out
 
 
-def _varint(delta: int) -> bytes:
-    """Zigzag LEB128 of a difference modulo 2^32."""
-    delta &= 0xFFFFFFFF
-    signed = delta - 2**32 if delta >= 2**31 else delta
-    zigzag = (signed * 2 if signed >= 0 else -signed * 2 - 1) & 0xFFFFFFFF
-    out = bytearray()
-    while zigzag >= 0x80:
-        out.append(zigzag & 0x7F | 0x80)
-        zigzag >>= 7
-    return bytes(out) + bytes([zigzag])
-
-
-def code_records(schema: Schema, records: list[list[int]]) -> bytes:
-    last, before, out = [0] * 16, [0] * 16, b""
-    for record in records:
-        mask, tail = 0, b""
-        for i, (field, value) in enumerate(zip(schema.log_record.fields, record, strict=True)):
-            guess = 2 * last[i] - before[i] if field.predict == "line" else last[i]
-            if (value - guess) % 2**32:
-                mask |= 1 << i
-                tail += _varint(value - guess)
-        out += struct.pack("<H", mask) + tail
-        before, last = last, list(record)
-    return out
-
-
 def _log_samples() -> list[list[int]]:
-    """A start, a steady run, a reversal, extremes of every type and the wrap of the counters."""
-    steady = [
-        [50 * k, 1, 1, 0, *[3500] * 4, 150 * k + k % 2, 151 * k, 498, 501, 25 * k, 0, 7 * k, 1187]
-        for k in range(1, 6)
-    ]
-    highest = [
-        350,
-        2,
-        2**16 - 1,
-        2**32 - 1,
-        *[-(2**15), 2**15 - 1] * 2,
-        2**31 - 1,
-        -(2**31),
-        2**15 - 1,
-        -(2**15),
-    ]
+    """A start, drives in both modes, a stop, extremes of every type and the wrap of the counters."""
+    rows = [[0] * 15 + [1200]]
+    left = right = 0
+    for k in range(1, 120):
+        velocity, driven = k > 60, k % 60 < 50
+        before = left, right
+        left += (k * k) % 7 + 60 if driven else 0
+        right += (k * 5) % 4 + 66 if driven else 0
+        command = [0, 0] if not driven else [180, -200] if velocity else [3500, 2500]
+        effort = (
+            [1500 + k * k % 11, -1700 + k % 5] if velocity and driven else [0, 0] if velocity else command
+        )
+        speeds = [round((left - before[0]) * 3.324), round((right - before[1]) * 3.324)]
+        # Neither the pose nor the speeds are a real robot's: every branch of the coding is to be met.
+        pose = [left // 6 + k // 9, k * k // 50, round((right - left) * 5.8743) + k // 40]
+        rows.append(
+            [
+                50 * k,
+                1 + velocity,
+                k // 20,
+                k // 100,
+                *command,
+                *effort,
+                left,
+                right,
+                *speeds,
+                *pose,
+                1190 + k * k % 4,
+            ]
+        )
+    highest = [350, 2, 2**16 - 1, 2**32 - 1, *[-(2**15), 2**15 - 1] * 2]
+    highest += [2**31 - 1, -(2**31), 2**15 - 1, -(2**15), 2**31 - 1, -(2**31), 2**31 - 1, 2**16 - 1]
     return [
-        [0] * 15 + [1200],
-        *steady,
-        [300, 1, 2, 64, -10000, 10000, -10000, 10000, 700, 905, -120, 480, 124, -1, -30, 1100],
-        [*highest, 2**31 - 1, -(2**31), 2**31 - 1, 2**16 - 1],
+        *rows,
+        highest,
         [2**32 - 1, *[0] * 7, -(2**31), 2**31 - 1, 0, 0, -(2**31), 2**31 - 1, -(2**31), 0],
+        [0] * 16,
     ]
+
+
+def _log() -> dict[str, Any]:
+    """One block: the paper's robot, at a rate that does not divide a second, in the middle of its log."""
+    log = LogFormat(0.00016624259, 9.3492346e-05, 30, log_id=7, start_ms=123456, sequence_crc=0x89ABCDEF)
+    rows = _log_samples()
+    block = log.coder(41)
+    for row in rows:
+        block.add(row)
+    return {
+        "metres_per_count": log.metres_per_count,
+        "turns_per_count": log.turns_per_count,
+        "rate_hz": log.rate_hz,
+        "first_record": 41,
+        "cell": 1234,
+        "records": rows,
+        "block": seal(log, block, 1234, end=1).hex(),
+    }
 
 
 def vectors(schema: Schema) -> dict[str, Any]:
@@ -166,16 +174,11 @@ def vectors(schema: Schema) -> dict[str, Any]:
         b"\x01" * 254 + b"\0",
         b"\x01" * 508,
     ]
-    rows = _log_samples()
     return {
         "cobs": [{"plain": raw.hex(), "stuffed": cobs(raw).hex()} for raw in stuffing],
         "crc32": [{"data": b"123456789".hex(), "crc32": 0xCBF43926}, {"data": "", "crc32": 0}],
         "messages": messages,
-        "log": {
-            "fields": [f.name for f in schema.log_record.fields],
-            "records": rows,
-            "coded": code_records(schema, rows).hex(),
-        },
+        "log": {"fields": [f.name for f in schema.log_record.fields], **_log()},
     }
 
 
@@ -250,7 +253,11 @@ def as_c_header(data: dict[str, Any]) -> str:
         f"static const uint32_t log_vector_records[{len(data['log']['records'])}][16] = {{",
         records,
         "};",
-        _bytes_c("log_vector_coded", bytes.fromhex(data["log"]["coded"])),
+        _bytes_c("log_vector_block", bytes.fromhex(data["log"]["block"])),
+        f"#define LOG_VECTOR_METRES_PER_COUNT {data['log']['metres_per_count']!r}f",
+        f"#define LOG_VECTOR_TURNS_PER_COUNT {data['log']['turns_per_count']!r}f",
+        f"#define LOG_VECTOR_RATE_HZ {data['log']['rate_hz']}u",
+        f"#define LOG_VECTOR_FIRST_RECORD {data['log']['first_record']}u",
         "",
         "#endif",
         "",

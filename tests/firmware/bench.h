@@ -239,10 +239,12 @@ static inline uint16_t bench_start(uint32_t crc)
     return reply.log_id;
 }
 
-static inline struct proto_log_list_reply bench_list_logs(uint8_t first)
+static inline struct proto_log_list_reply bench_list_logs(uint16_t first)
 {
     struct proto_log_list_reply list;
-    bench_ask(PROTO_ID_LOG_LIST, &first, 1);
+    const struct proto_log_list_request request = {.first = first};
+    uint8_t payload[PROTO_LOG_LIST_REQUEST_SIZE];
+    bench_ask(PROTO_ID_LOG_LIST, payload, proto_log_list_request_encode(&request, payload, sizeof payload));
     TEST_ASSERT_TRUE(proto_log_list_reply_decode(&list, bench.reply.payload, bench.reply.payload_length));
     return list;
 }
@@ -253,7 +255,7 @@ static inline struct proto_log_entry bench_newest_log(void)
     struct proto_log_entry entry;
     struct proto_log_list_reply list = bench_list_logs(0);
     TEST_ASSERT_TRUE(list.total > 0);
-    list = bench_list_logs((uint8_t)(list.total - 1));
+    list = bench_list_logs((uint16_t)(list.total - 1));
     TEST_ASSERT_EQUAL(1, list.entries_count);
     TEST_ASSERT_TRUE(proto_log_entry_decode(&entry, list.entries, PROTO_LOG_ENTRY_SIZE));
     return entry;

@@ -1,4 +1,4 @@
-/* The log's ring: sealed blocks do not change, old ones go in order, and no reader gets torn bytes. */
+/* The log's ring: sealed blocks do not change, and old ones go in order. */
 #include "log.h"
 
 #include <stdlib.h>
@@ -7,23 +7,35 @@
 #include "crc32.h"
 #include "hal_host.h"
 #include "log_decoder.h"
+#include "log_feed.h"
 #include "random.h"
 #include "unity.h"
 
-enum { RING_SIZE = (int)(PROTO_LOG_BLOCK_COUNT * PROTO_LOG_BLOCK_SIZE), MOST_RECORDS = 256 };
+enum { MOST_RECORDS = 4096 };
 
 static struct log ring;
 static struct hal_host board;
-static uint8_t bytes[RING_SIZE];
+static uint32_t ring_size;
+static uint8_t bytes[HAL_LOG_MEMORIES * HAL_HOST_LOG_SIZE];
 static struct proto_log_record decoded[MOST_RECORDS];
 
-void setUp(void)
+static void power_up(size_t first_memory, size_t second_memory)
 {
     hal_host_init(&board);
     hal_host_select(&board);
+    board.log_memory_size[0] = first_memory;
+    board.log_memory_size[1] = second_memory;
+    memset(board.log_memory, 0xA5, sizeof board.log_memory);
     memset(&ring, 0xA5, sizeof ring);
     log_init(&ring);
+    ring_size = ring.cells * PROTO_LOG_CELL_SIZE;
     random_seed(11);
+}
+
+void setUp(void)
+{
+    power_up(8192, 16384 + 20); /* an odd rest is left alone */
+    TEST_ASSERT_EQUAL_UINT32(8192 + 16384, ring_size);
 }
 
 void tearDown(void)
@@ -52,14 +64,68 @@ static struct proto_log_record record_of(uint32_t i)
     };
 }
 
+static void open_log(uint16_t log_id)
+{
+    const struct log_opening opening = {
+        .log_id = log_id,
+        .start_ms = 1000u * log_id,
+        .sequence_crc = 0xC0FFEEu + log_id,
+        .format = {.geometry = {0.00016624259f, 9.3492346e-05f}, .rate_hz = 20},
+    };
+    log_open(&ring, &opening);
+}
+
+static void append(uint32_t first, uint32_t count)
+{
+    for (uint32_t i = first; i < first + count; i++) {
+        const struct proto_log_record record = record_of(i);
+        log_append(&ring, &record);
+    }
+}
+
 static void write_log(uint16_t log_id, uint32_t records)
 {
-    log_open(&ring, log_id, 20, 0, 1000u * log_id);
-    for (uint32_t i = 0; i < records; i++) {
-        const struct proto_log_record record = record_of(i);
-        log_append(&ring, &record, 1000u * log_id + record.t_ms);
-    }
+    open_log(log_id);
+    append(0, records);
     log_close(&ring, PROTO_LOG_END_FINISHED);
+}
+
+/* The log's entry `index`, oldest first. */
+static bool entry_at(uint32_t index, struct proto_log_entry *out)
+{
+    struct log_walk walk = log_walk_start(&ring);
+    for (uint32_t i = 0; i <= index; i++) {
+        if (!log_walk_next(&ring, &walk, out)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+static uint32_t log_count(void)
+{
+    struct proto_log_entry entry;
+    uint32_t count = 0;
+    while (entry_at(count, &entry)) {
+        count++;
+    }
+    return count;
+}
+
+static uint32_t digest(uint32_t offset, uint32_t length)
+{
+    return log_digest(&ring, offset, length);
+}
+
+/* Decodes the sealed block at a cell; returns its records, and in *cell where the next one begins. */
+static int decode_at(uint32_t *cell, uint16_t log_id)
+{
+    uint8_t block[PROTO_LOG_BLOCK_LIMIT];
+    const uint32_t left = log_end_offset(&ring) - *cell * PROTO_LOG_CELL_SIZE;
+    log_copy(&ring, *cell * PROTO_LOG_CELL_SIZE, block, left < sizeof block ? left : sizeof block);
+    const int found = log_decoder_block(block, *cell, log_id, decoded, MOST_RECORDS);
+    *cell += log_decoder_span(block) / PROTO_LOG_CELL_SIZE;
+    return found;
 }
 
 /* Decodes all blocks of a log entry; returns the number of records found, each as record_of says from `first`
@@ -67,9 +133,8 @@ static void write_log(uint16_t log_id, uint32_t records)
 static uint32_t check_records(const struct proto_log_entry *entry, uint32_t first)
 {
     uint32_t count = 0;
-    for (uint32_t block = entry->first_block; block < entry->first_block + entry->block_count; block++) {
-        TEST_ASSERT_TRUE(log_copy(&ring, block * PROTO_LOG_BLOCK_SIZE, bytes, PROTO_LOG_BLOCK_SIZE));
-        const int found = log_decoder_block(bytes, block, entry->log_id, decoded, MOST_RECORDS);
+    for (uint32_t cell = entry->first_cell; cell < entry->first_cell + entry->cell_count;) {
+        const int found = decode_at(&cell, entry->log_id);
         TEST_ASSERT_TRUE(found > 0);
         for (int i = 0; i < found; i++) {
             const struct proto_log_record expected = record_of(first + count);
@@ -88,14 +153,16 @@ static void log_comes_back_record_by_record(void)
 {
     struct proto_log_entry entry;
     write_log(1, 3000);
-    TEST_ASSERT_TRUE(log_entry(&ring, 0, &entry));
+    TEST_ASSERT_TRUE(entry_at(0, &entry));
     TEST_ASSERT_EQUAL_UINT32(3000, entry.record_count);
     TEST_ASSERT_EQUAL_UINT32(3000, check_records(&entry, 0));
     TEST_ASSERT_EQUAL_UINT8(PROTO_LOG_END_FINISHED, entry.end);
     TEST_ASSERT_EQUAL_UINT8(0, entry.truncated);
+    TEST_ASSERT_EQUAL_UINT16(20, entry.rate_hz);
+    TEST_ASSERT_EQUAL_HEX32(0xC0FFEE + 1, entry.sequence_crc);
     TEST_ASSERT_EQUAL_UINT32(1000, entry.start_ms);
     TEST_ASSERT_EQUAL_UINT32(1000 + 2999 * 50, entry.end_ms);
-    printf("noisy drive: %.2f bytes per record\n", entry.block_count * 512.0 / 3000.0);
+    printf("noisy drive: %.2f bytes per record\n", entry.cell_count * (double)PROTO_LOG_CELL_SIZE / 3000.0);
 }
 
 static void logs_follow_one_another_and_each_begins_a_block(void)
@@ -105,111 +172,143 @@ static void logs_follow_one_another_and_each_begins_a_block(void)
     for (uint16_t id = 1; id <= 5; id++) {
         write_log(id, 100u * id);
     }
-    TEST_ASSERT_EQUAL_UINT8(5, log_count(&ring));
-    for (uint8_t i = 0; i < 5; i++) {
-        TEST_ASSERT_TRUE(log_entry(&ring, i, &entry));
+    TEST_ASSERT_EQUAL_UINT32(5, log_count());
+    for (uint32_t i = 0; i < 5; i++) {
+        TEST_ASSERT_TRUE(entry_at(i, &entry));
         TEST_ASSERT_EQUAL_UINT16(i + 1, entry.log_id);
-        TEST_ASSERT_EQUAL_UINT32(next, entry.first_block);
+        TEST_ASSERT_EQUAL_UINT32(next, entry.first_cell);
         TEST_ASSERT_EQUAL_UINT32(100u * (i + 1u), check_records(&entry, 0));
-        next += entry.block_count;
+        next += entry.cell_count;
     }
-    TEST_ASSERT_FALSE(log_entry(&ring, 5, &entry));
-    TEST_ASSERT_EQUAL_UINT32(next * 512, log_end_offset(&ring));
+    TEST_ASSERT_EQUAL_UINT32(next * PROTO_LOG_CELL_SIZE, log_end_offset(&ring));
+}
+
+static void open_log_is_listed_with_what_is_sealed_of_it(void)
+{
+    struct proto_log_entry entry;
+    write_log(1, 50);
+    open_log(2);
+    append(0, 1);
+    TEST_ASSERT_EQUAL_UINT32(2, log_count());
+    TEST_ASSERT_TRUE(entry_at(1, &entry));
+    TEST_ASSERT_EQUAL_UINT16(2, entry.log_id);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_LOG_END_OPEN, entry.end);
+    TEST_ASSERT_EQUAL_UINT32(0, entry.cell_count);
+    TEST_ASSERT_EQUAL_UINT32(1, entry.record_count);
+    append(1, 1999);
+    TEST_ASSERT_TRUE(entry_at(1, &entry));
+    TEST_ASSERT_TRUE(entry.cell_count > 0);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_LOG_END_OPEN, entry.end);
+    TEST_ASSERT_EQUAL_UINT32(2000, entry.record_count);
+    TEST_ASSERT_EQUAL_UINT32(2000 + 1999 * 50, entry.end_ms);
+    TEST_ASSERT_TRUE(check_records(&entry, 0) < 2000);
+    TEST_ASSERT_EQUAL_UINT32(2, log_count());
+}
+
+static void log_that_opens_while_another_is_open_ends_that_one(void)
+{
+    struct proto_log_entry entry;
+    open_log(1);
+    append(0, 10);
+    open_log(2);
+    append(0, 10);
+    log_close(&ring, PROTO_LOG_END_FAULT);
+    TEST_ASSERT_TRUE(entry_at(0, &entry));
+    TEST_ASSERT_EQUAL_UINT8(PROTO_LOG_END_STOPPED, entry.end);
+    TEST_ASSERT_TRUE(entry_at(1, &entry));
+    TEST_ASSERT_EQUAL_UINT8(PROTO_LOG_END_FAULT, entry.end);
+    const struct proto_log_record late = record_of(10);
+    log_append(&ring, &late);
+    TEST_ASSERT_TRUE(entry_at(1, &entry));
+    TEST_ASSERT_EQUAL_UINT32(10, entry.record_count);
 }
 
 static void long_log_wraps_and_keeps_its_newest_blocks(void)
 {
     struct proto_log_entry entry;
-    write_log(1, 20000);
-    TEST_ASSERT_TRUE(log_entry(&ring, 0, &entry));
+    write_log(1, 30000);
+    TEST_ASSERT_TRUE(entry_at(0, &entry));
     TEST_ASSERT_EQUAL_UINT8(1, entry.truncated);
-    TEST_ASSERT_EQUAL_UINT32(PROTO_LOG_BLOCK_COUNT, entry.block_count);
-    TEST_ASSERT_EQUAL_UINT32(log_oldest_offset(&ring), entry.first_block * 512);
-    TEST_ASSERT_EQUAL_UINT32(log_end_offset(&ring), (entry.first_block + entry.block_count) * 512);
+    TEST_ASSERT_TRUE(entry.cell_count > ring.cells - 2u * PROTO_LOG_BLOCK_LIMIT / PROTO_LOG_CELL_SIZE);
+    TEST_ASSERT_TRUE(entry.cell_count <= ring.cells);
+    TEST_ASSERT_EQUAL_UINT32(log_oldest_offset(&ring), entry.first_cell * PROTO_LOG_CELL_SIZE);
+    TEST_ASSERT_EQUAL_UINT32(log_end_offset(&ring),
+                             (entry.first_cell + entry.cell_count) * PROTO_LOG_CELL_SIZE);
     /* Where the kept part begins is told by its first record's time. */
-    TEST_ASSERT_TRUE(log_copy(&ring, log_oldest_offset(&ring), bytes, 512));
-    TEST_ASSERT_TRUE(log_decoder_block(bytes, entry.first_block, 1, decoded, MOST_RECORDS) > 0);
+    uint32_t cell = entry.first_cell;
+    TEST_ASSERT_TRUE(decode_at(&cell, 1) > 0);
     const uint32_t first = decoded[0].t_ms / 50;
-    TEST_ASSERT_EQUAL_UINT32(20000 - first, check_records(&entry, first));
+    TEST_ASSERT_EQUAL_UINT32(30000 - first, check_records(&entry, first));
 }
 
-static void overwritten_logs_leave_the_table_in_order(void)
+static void overwritten_logs_leave_the_list_in_order(void)
 {
     struct proto_log_entry entry;
     write_log(1, 500);
     write_log(2, 500);
-    log_open(&ring, 3, 20, 0, 0);
+    open_log(3);
     uint32_t i = 0;
     bool saw_two = false;
-    while (log_entry(&ring, 0, &entry) && entry.log_id < 3) {
-        const struct proto_log_record record = record_of(i++);
-        log_append(&ring, &record, 0);
-        TEST_ASSERT_TRUE(log_entry(&ring, 0, &entry));
+    while (entry_at(0, &entry) && entry.log_id < 3) {
+        append(i++, 1);
+        TEST_ASSERT_TRUE(entry_at(0, &entry));
         saw_two = saw_two || entry.log_id == 2;
-        TEST_ASSERT_TRUE(entry.first_block * 512 >= log_oldest_offset(&ring));
-        TEST_ASSERT_TRUE(entry.block_count > 0);
+        TEST_ASSERT_TRUE(entry.first_cell * PROTO_LOG_CELL_SIZE >= log_oldest_offset(&ring));
+        TEST_ASSERT_TRUE(entry.cell_count > 0);
     }
     TEST_ASSERT_TRUE(saw_two);
-    TEST_ASSERT_EQUAL_UINT8(1, log_count(&ring));
+    TEST_ASSERT_EQUAL_UINT32(1, log_count());
     log_close(&ring, PROTO_LOG_END_STOPPED);
-    TEST_ASSERT_TRUE(log_entry(&ring, 0, &entry));
+    TEST_ASSERT_TRUE(entry_at(0, &entry));
     TEST_ASSERT_EQUAL_UINT8(PROTO_LOG_END_STOPPED, entry.end);
 }
 
 static void sealed_blocks_never_change_while_they_last(void)
 {
-    static uint32_t crc_of[40000];
+    static uint32_t crc_of[20000];
     uint32_t known_end = 0;
-    log_open(&ring, 1, 200, 0, 0);
-    for (uint32_t i = 0; i < 40000; i++) {
-        const struct proto_log_record record = record_of(i * 7919u);
-        log_append(&ring, &record, i);
-        for (; known_end < ring.end_block; known_end++) {
-            TEST_ASSERT_TRUE(log_digest(&ring, known_end * 512, 512, &crc_of[known_end]));
+    open_log(1);
+    for (uint32_t i = 0; i < 30000; i++) {
+        append(i * 7919u, 1);
+        for (; known_end < ring.end_cell; known_end++) {
+            crc_of[known_end] = digest(known_end * PROTO_LOG_CELL_SIZE, PROTO_LOG_CELL_SIZE);
         }
         if (i % 97 == 0) {
-            for (uint32_t block = ring.oldest_block; block < known_end; block++) {
-                uint32_t crc;
-                TEST_ASSERT_TRUE(log_digest(&ring, block * 512, 512, &crc));
-                TEST_ASSERT_EQUAL_HEX32(crc_of[block], crc);
+            for (uint32_t cell = ring.oldest_cell; cell < known_end; cell++) {
+                TEST_ASSERT_EQUAL_HEX32(crc_of[cell],
+                                        digest(cell * PROTO_LOG_CELL_SIZE, PROTO_LOG_CELL_SIZE));
             }
         }
     }
-    TEST_ASSERT_TRUE(known_end > 2 * PROTO_LOG_BLOCK_COUNT);
+    TEST_ASSERT_TRUE(known_end > 2 * ring.cells);
 }
 
-static void reader_is_told_when_the_ring_has_passed_what_it_read(void)
+static void copy_and_digest_cross_the_pieces_of_memory(void)
 {
-    uint32_t crc;
-    write_log(1, 20000);
+    static uint8_t one_by_one[sizeof bytes];
+    write_log(1, 30000);
     const uint32_t oldest = log_oldest_offset(&ring);
-    TEST_ASSERT_TRUE(log_copy(&ring, oldest, bytes, 512));
-    TEST_ASSERT_FALSE(log_copy(&ring, oldest - 1, bytes, 512));
-    TEST_ASSERT_FALSE(log_copy(&ring, oldest - 512, bytes, 512));
-    TEST_ASSERT_FALSE(log_digest(&ring, oldest - 512, 1024, &crc));
-    /* The block opens that takes the oldest one's place: from then on it counts as gone, though it looks
-     * whole. */
-    log_open(&ring, 2, 20, 0, 0);
-    const struct proto_log_record record = record_of(0);
-    log_append(&ring, &record, 0);
-    TEST_ASSERT_FALSE(log_copy(&ring, oldest, bytes, 512));
-    TEST_ASSERT_TRUE(log_copy(&ring, oldest + 512, bytes, 512));
-}
-
-static void copy_and_digest_cross_the_ring_s_end(void)
-{
-    static uint8_t one_by_one[RING_SIZE];
-    uint32_t crc;
-    write_log(1, 20000);
-    const uint32_t oldest = log_oldest_offset(&ring);
-    TEST_ASSERT_NOT_EQUAL(0, oldest % RING_SIZE);
-    TEST_ASSERT_TRUE(log_copy(&ring, oldest, bytes, RING_SIZE));
-    for (uint32_t i = 0; i < RING_SIZE; i++) {
-        TEST_ASSERT_TRUE(log_copy(&ring, oldest + i, &one_by_one[i], 1));
+    const uint32_t held = log_end_offset(&ring) - oldest;
+    TEST_ASSERT_NOT_EQUAL(0, oldest % ring_size);
+    log_copy(&ring, oldest, bytes, held);
+    for (uint32_t i = 0; i < held; i++) {
+        log_copy(&ring, oldest + i, &one_by_one[i], 1);
     }
-    TEST_ASSERT_EQUAL_INT(0, memcmp(bytes, one_by_one, RING_SIZE));
-    TEST_ASSERT_TRUE(log_digest(&ring, oldest, RING_SIZE, &crc));
-    TEST_ASSERT_EQUAL_HEX32(crc32_update(0, bytes, RING_SIZE), crc);
+    TEST_ASSERT_EQUAL_INT(0, memcmp(bytes, one_by_one, held));
+    TEST_ASSERT_EQUAL_HEX32(crc32_update(0, bytes, held), digest(oldest, held));
+}
+
+static void board_with_one_piece_of_memory_has_a_shorter_ring(void)
+{
+    struct proto_log_entry entry;
+    power_up(8192, 0);
+    write_log(1, 20000);
+    TEST_ASSERT_TRUE(entry_at(0, &entry));
+    TEST_ASSERT_EQUAL_UINT32(8192 / PROTO_LOG_CELL_SIZE, ring.cells);
+    TEST_ASSERT_TRUE(entry.cell_count <= ring.cells);
+    uint32_t cell = entry.first_cell;
+    TEST_ASSERT_TRUE(decode_at(&cell, 1) > 0);
+    TEST_ASSERT_TRUE(check_records(&entry, decoded[0].t_ms / 50) > 0);
 }
 
 static void erased_logs_are_gone_and_offsets_count_on(void)
@@ -217,39 +316,58 @@ static void erased_logs_are_gone_and_offsets_count_on(void)
     struct proto_log_entry entry;
     write_log(1, 500);
     const uint32_t end = log_end_offset(&ring);
-    log_open(&ring, 2, 20, 0, 0);
+    open_log(2);
     TEST_ASSERT_FALSE(log_erase(&ring));
+    append(0, 1);
     log_close(&ring, PROTO_LOG_END_STOPPED);
     TEST_ASSERT_TRUE(log_erase(&ring));
-    TEST_ASSERT_EQUAL_UINT8(0, log_count(&ring));
+    TEST_ASSERT_EQUAL_UINT32(0, log_count());
     TEST_ASSERT_EQUAL_UINT32(log_end_offset(&ring), log_oldest_offset(&ring));
-    TEST_ASSERT_FALSE(log_copy(&ring, end - 512, bytes, 512));
     write_log(3, 100);
-    TEST_ASSERT_TRUE(log_entry(&ring, 0, &entry));
+    TEST_ASSERT_TRUE(entry_at(0, &entry));
     TEST_ASSERT_EQUAL_UINT16(3, entry.log_id);
-    TEST_ASSERT_TRUE(entry.first_block * 512 >= end);
+    TEST_ASSERT_TRUE(entry.first_cell * PROTO_LOG_CELL_SIZE >= end);
     TEST_ASSERT_EQUAL_UINT32(100, check_records(&entry, 0));
 }
 
-static void more_short_logs_than_the_table_holds_push_out_the_oldest(void)
+static void many_short_logs_are_all_listed_until_the_ring_is_full(void)
 {
     struct proto_log_entry entry;
-    for (uint16_t id = 1; id <= LOG_TABLE_SIZE + 10; id++) {
+    power_up(32768, 65536);
+    for (uint16_t id = 1; id <= 300; id++) {
         write_log(id, 3);
     }
-    TEST_ASSERT_EQUAL_UINT8(LOG_TABLE_SIZE, log_count(&ring));
-    TEST_ASSERT_TRUE(log_entry(&ring, 0, &entry));
-    TEST_ASSERT_EQUAL_UINT16(11, entry.log_id);
-    TEST_ASSERT_EQUAL_UINT32(entry.first_block * 512, log_oldest_offset(&ring));
+    TEST_ASSERT_EQUAL_UINT32(300, log_count());
+    for (uint16_t id = 301; id <= 1000; id++) {
+        write_log(id, 3);
+    }
+    const uint32_t count = log_count();
+    TEST_ASSERT_TRUE(entry_at(0, &entry));
+    TEST_ASSERT_EQUAL_UINT16(1001 - count, entry.log_id);
     TEST_ASSERT_EQUAL_UINT32(3, check_records(&entry, 0));
+    TEST_ASSERT_TRUE(entry_at(count - 1, &entry));
+    TEST_ASSERT_EQUAL_UINT16(1000, entry.log_id);
+}
+
+static void list_ends_even_when_the_memory_has_gone_bad(void)
+{
+    write_log(1, 5000);
+    for (uint32_t i = 0; i < 1000; i++) {
+        board.log_memory[random_below(2)][random_below(8192)] = (uint8_t)random_u32();
+        TEST_ASSERT_TRUE(log_count() <= ring.cells + 1);
+    }
+    memset(board.log_memory, 0, sizeof board.log_memory);
+    TEST_ASSERT_TRUE(log_count() <= ring.cells);
+    write_log(2, 5000);
+    TEST_ASSERT_TRUE(log_end_offset(&ring) - log_oldest_offset(&ring) <= ring_size);
 }
 
 static void random_logs_of_random_records_all_come_back(void)
 {
     static uint32_t kept[20000][16];
-    for (uint16_t id = 1; id <= 30; id++) {
-        const uint32_t count = 1 + random_below(400);
-        log_open(&ring, id, 20, 0, 0);
+    for (uint16_t id = 1; id <= 60; id++) {
+        const uint32_t count = 1 + random_below(200);
+        open_log(id);
         for (uint32_t i = 0; i < count; i++) {
             struct proto_log_record record;
             uint32_t words[16];
@@ -258,15 +376,14 @@ static void random_logs_of_random_records_all_come_back(void)
             }
             proto_log_record_from_words(&record, words);
             proto_log_record_to_words(&record, kept[i]);
-            log_append(&ring, &record, i);
+            log_append(&ring, &record);
         }
         log_close(&ring, PROTO_LOG_END_FINISHED);
         struct proto_log_entry entry;
-        TEST_ASSERT_TRUE(log_entry(&ring, (uint8_t)(log_count(&ring) - 1), &entry));
+        TEST_ASSERT_TRUE(entry_at(log_count() - 1, &entry));
         uint32_t found = 0;
-        for (uint32_t block = entry.first_block; block < entry.first_block + entry.block_count; block++) {
-            TEST_ASSERT_TRUE(log_copy(&ring, block * 512, bytes, 512));
-            const int in_block = log_decoder_block(bytes, block, id, decoded, MOST_RECORDS);
+        for (uint32_t cell = entry.first_cell; cell < entry.first_cell + entry.cell_count;) {
+            const int in_block = decode_at(&cell, id);
             TEST_ASSERT_TRUE(in_block > 0);
             for (int i = 0; i < in_block; i++) {
                 uint32_t words[16];
@@ -279,18 +396,50 @@ static void random_logs_of_random_records_all_come_back(void)
     }
 }
 
+static void feed_hands_over_in_order_and_keeps_room_for_a_log_s_end(void)
+{
+    static struct log_feed feed;
+    const struct log_opening opening = {
+        .log_id = 9, .start_ms = 70, .format = {.geometry = {1.0e-4f, 1.0e-4f}, .rate_hz = 200}};
+    struct proto_log_entry entry;
+    log_feed_init(&feed);
+    log_feed_open(&feed, &opening);
+    for (uint32_t i = 0; i < 2 * LOG_FEED_SIZE; i++) {
+        const struct proto_log_record record = record_of(i);
+        log_feed_record(&feed, &record);
+    }
+    log_feed_close(&feed, PROTO_LOG_END_FAULT);
+    TEST_ASSERT_EQUAL_UINT32(0, log_count());
+    log_feed_drain(&feed, &ring);
+    TEST_ASSERT_TRUE(entry_at(0, &entry));
+    TEST_ASSERT_EQUAL_UINT16(9, entry.log_id);
+    TEST_ASSERT_EQUAL_UINT32(LOG_FEED_SIZE - LOG_FEED_KEPT - 1, entry.record_count);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_LOG_END_FAULT, entry.end);
+    TEST_ASSERT_EQUAL_UINT32(entry.record_count, check_records(&entry, 0));
+    for (int i = 0; i < 2 * LOG_FEED_SIZE; i++) {
+        log_feed_open(&feed, &opening);
+        log_feed_close(&feed, PROTO_LOG_END_FINISHED);
+    }
+    log_feed_drain(&feed, &ring);
+    TEST_ASSERT_EQUAL_UINT32(feed.written, feed.read);
+}
+
 int main(void)
 {
     UNITY_BEGIN();
     RUN_TEST(log_comes_back_record_by_record);
     RUN_TEST(logs_follow_one_another_and_each_begins_a_block);
+    RUN_TEST(open_log_is_listed_with_what_is_sealed_of_it);
+    RUN_TEST(log_that_opens_while_another_is_open_ends_that_one);
     RUN_TEST(long_log_wraps_and_keeps_its_newest_blocks);
-    RUN_TEST(overwritten_logs_leave_the_table_in_order);
+    RUN_TEST(overwritten_logs_leave_the_list_in_order);
     RUN_TEST(sealed_blocks_never_change_while_they_last);
-    RUN_TEST(reader_is_told_when_the_ring_has_passed_what_it_read);
-    RUN_TEST(copy_and_digest_cross_the_ring_s_end);
+    RUN_TEST(copy_and_digest_cross_the_pieces_of_memory);
+    RUN_TEST(board_with_one_piece_of_memory_has_a_shorter_ring);
     RUN_TEST(erased_logs_are_gone_and_offsets_count_on);
-    RUN_TEST(more_short_logs_than_the_table_holds_push_out_the_oldest);
+    RUN_TEST(many_short_logs_are_all_listed_until_the_ring_is_full);
+    RUN_TEST(list_ends_even_when_the_memory_has_gone_bad);
     RUN_TEST(random_logs_of_random_records_all_come_back);
+    RUN_TEST(feed_hands_over_in_order_and_keeps_room_for_a_log_s_end);
     return UNITY_END();
 }

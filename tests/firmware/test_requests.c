@@ -187,7 +187,7 @@ static void every_request_of_a_wrong_length_is_refused(void)
         {PROTO_ID_STATUS, 0},       {PROTO_ID_CLEAR_FAULTS, 0}, {PROTO_ID_PARAM_LIST, 2},
         {PROTO_ID_PARAM_GET, 2},    {PROTO_ID_PARAM_SET, 6},    {PROTO_ID_SEQ_BEGIN, 4},
         {PROTO_ID_SEQ_COMMIT, 4},   {PROTO_ID_SEQ_START, 4},    {PROTO_ID_SEQ_ABORT, 0},
-        {PROTO_ID_SEQ_STATE, 0},    {PROTO_ID_LOG_LIST, 1},     {PROTO_ID_LOG_READ, 6},
+        {PROTO_ID_SEQ_STATE, 0},    {PROTO_ID_LOG_LIST, 2},     {PROTO_ID_LOG_READ, 6},
         {PROTO_ID_LOG_DIGEST, 8},   {PROTO_ID_LOG_ERASE, 0},    {PROTO_ID_SET_EFFORT, 8},
         {PROTO_ID_SET_VELOCITY, 8}, {PROTO_ID_CAN_STATE, 0},
     };
@@ -269,7 +269,7 @@ static void reading_outside_the_log_is_refused_by_name(void)
 
 static void digest_is_the_crc_of_the_bytes_that_are_read(void)
 {
-    static uint8_t bytes[PROTO_LOG_BLOCK_COUNT * PROTO_LOG_BLOCK_SIZE];
+    static uint8_t bytes[HAL_LOG_MEMORIES * HAL_HOST_LOG_SIZE];
     struct proto_log_digest_reply digest;
     wrap_ring();
     bench_stop();
@@ -282,26 +282,30 @@ static void digest_is_the_crc_of_the_bytes_that_are_read(void)
     TEST_ASSERT_TRUE(proto_log_digest_reply_decode(&digest, bench.reply.payload, bench.reply.payload_length));
     TEST_ASSERT_EQUAL_HEX32(crc32_update(0, bytes, size), digest.crc32);
     /* The bytes on the link are those in memory. */
-    for (uint32_t i = 0; i < size; i += PROTO_LOG_BLOCK_SIZE) {
-        const uint32_t block = (oldest + i) / PROTO_LOG_BLOCK_SIZE % PROTO_LOG_BLOCK_COUNT;
-        TEST_ASSERT_EQUAL_INT(
-            0, memcmp(bytes + i, bench.controller.robot.log.ring[block], PROTO_LOG_BLOCK_SIZE));
+    const uint32_t first_cells = (uint32_t)bench.board.log_memory_size[0] / PROTO_LOG_CELL_SIZE;
+    for (uint32_t i = 0; i < size; i += PROTO_LOG_CELL_SIZE) {
+        const uint32_t cell = (oldest + i) / PROTO_LOG_CELL_SIZE % bench.controller.robot.log.cells;
+        const uint8_t *const held =
+            cell < first_cells ? bench.board.log_memory[0] + cell * PROTO_LOG_CELL_SIZE
+                               : bench.board.log_memory[1] + (cell - first_cells) * PROTO_LOG_CELL_SIZE;
+        TEST_ASSERT_EQUAL_INT(0, memcmp(bytes + i, held, PROTO_LOG_CELL_SIZE));
     }
 }
 
 static void log_list_comes_in_parts(void)
 {
+    enum { LOGS = 300 }; /* more than a byte counts */
     const uint32_t crc = bench_upload(&short_drive, 1, 0);
     bench_set_parameter(PROTO_PARAMETER_EFFORT_LIMIT, 0.5f);
     bench.motors_turn = false;
-    for (int i = 0; i < 50; i++) {
+    for (int i = 0; i < LOGS; i++) {
         bench_start(crc);
         bench_run(102);
     }
     uint16_t expected_id = 1;
-    for (uint8_t first = 0; first < 50;) {
+    for (uint16_t first = 0; first < LOGS;) {
         const struct proto_log_list_reply list = bench_list_logs(first);
-        TEST_ASSERT_EQUAL_UINT8(50, list.total);
+        TEST_ASSERT_EQUAL_UINT16(LOGS, list.total);
         TEST_ASSERT_TRUE(list.entries_count > 0);
         for (size_t i = 0; i < list.entries_count; i++) {
             struct proto_log_entry entry;
@@ -311,13 +315,13 @@ static void log_list_comes_in_parts(void)
             TEST_ASSERT_EQUAL_HEX32(crc, entry.sequence_crc);
             expected_id++;
         }
-        first = (uint8_t)(first + list.entries_count);
+        first = (uint16_t)(first + list.entries_count);
     }
-    TEST_ASSERT_EQUAL(0, bench_list_logs(50).entries_count);
-    TEST_ASSERT_EQUAL(0, bench_list_logs(255).entries_count);
+    TEST_ASSERT_EQUAL(0, bench_list_logs(LOGS).entries_count);
+    TEST_ASSERT_EQUAL(0, bench_list_logs(UINT16_MAX).entries_count);
     bench_ask(PROTO_ID_LOG_ERASE, NULL, 0);
     bench_expect_accepted();
-    TEST_ASSERT_EQUAL_UINT8(0, bench_list_logs(0).total);
+    TEST_ASSERT_EQUAL_UINT16(0, bench_list_logs(0).total);
 }
 
 static void live_drive_has_a_log_of_its_own(void)
@@ -359,7 +363,7 @@ static void repeated_start_is_not_carried_out_twice(void)
     repeat(PROTO_ID_SEQ_START, payload, 4); /* long after: the reply again, and no motion */
     bench_run(5);
     TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
-    TEST_ASSERT_EQUAL_UINT8(1, bench_list_logs(0).total);
+    TEST_ASSERT_EQUAL_UINT16(1, bench_list_logs(0).total);
 }
 
 static void repeated_segments_are_stored_once(void)

@@ -126,7 +126,7 @@ def test_a_log_that_the_ring_has_overwritten_meanwhile_is_named() -> None:
     device = device_on(board)
     log = device.log()
     entry = board.logs[0].entry
-    board.logs[0].entry = type(entry)(**{f: getattr(entry, f) for f in entry.__slots__} | {"first_block": 99})
+    board.logs[0].entry = type(entry)(**{f: getattr(entry, f) for f in entry.__slots__} | {"first_cell": 999})
     with pytest.raises(Refused, match="log_gone"):
         device.read_log(log)
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import truing_protocol as tp
 from hil_sim import VirtualRobot
 from support.faulty_stream import FaultyStream
-from support.image_variable import member_offset
 from truing.device import Device
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
+
+# Core-coupled memory: address and size (RM0090 section 2.3.1).
+CCM = (0x10000000, 65536)
 
 
 class Chain:
@@ -42,11 +43,8 @@ class Chain:
         return Device(Client(FaultyStream(self.stream, share, seed, cut_after_bytes)))
 
     def ring(self) -> bytes:
-        """The log's ring as it lies in the board's RAM."""
-        address, _ = self.robot.symbol("controller")
-        offset, size = member_offset(self.image, "controller", "robot", "log", "ring")
-        assert size == tp.LOG_BLOCK_SIZE * tp.LOG_BLOCK_COUNT
-        return self.robot.read_memory(address + offset, size)
+        """The log's ring as it lies in the board's two memories."""
+        return self.robot.read_memory(*self.robot.symbol("sram_part")) + self.robot.read_memory(*CCM)
 
     def in_ram(self, offset: int, length: int) -> bytes:
         """Bytes of the log by absolute offset, straight from RAM."""

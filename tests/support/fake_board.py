@@ -22,13 +22,6 @@ class FakeLog:
     data: bytes
 
 
-def pack_block(number: int, log_id: int, records: list[bytes]) -> bytes:
-    """A sealed block that holds already coded records."""
-    body = b"".join(records)
-    header = tp.LogHeader(number, log_id, tp.LogHeader.SIZE + len(body), len(records), tp.LOG_RECORD_VERSION)
-    return (header.pack() + body).ljust(tp.LOG_BLOCK_SIZE, b"\0")
-
-
 @dataclass
 class FakeBoard:
     """State that requests read and change; `now_s` is set by the line."""
@@ -95,8 +88,8 @@ class FakeBoard:
             tp.MAX_PAYLOAD,
             tp.MAX_SEGMENTS,
             len(tp.PARAMETERS),
-            tp.LOG_BLOCK_SIZE,
-            tp.LOG_BLOCK_COUNT,
+            tp.LOG_CELL_SIZE,
+            1536,
             tp.ResetCause.POWER_ON,
             tp.ClockSource.CRYSTAL_PLL,
         ).pack()
@@ -217,7 +210,7 @@ class FakeBoard:
         ).pack()
 
     def log_list(self, request: tp.LogListRequest) -> bytes:
-        first = self.logs[0].entry.first_block * tp.LOG_BLOCK_SIZE if self.logs else 0
+        first = self.logs[0].entry.first_cell * tp.LOG_CELL_SIZE if self.logs else 0
         end = first + sum(len(log.data) for log in self.logs)
         entries = tuple(log.entry for log in self.logs[request.first :][:33])
         return tp.LogListReply(first, end, len(self.logs), entries).pack()
@@ -258,7 +251,7 @@ class FakeBoard:
         return b""
 
     def _log_bytes(self) -> tuple[bytes, int]:
-        first = self.logs[0].entry.first_block * tp.LOG_BLOCK_SIZE if self.logs else 0
+        first = self.logs[0].entry.first_cell * tp.LOG_CELL_SIZE if self.logs else 0
         return b"".join(log.data for log in self.logs), first
 
     def _duration_ms(self) -> int:

@@ -1,51 +1,36 @@
-"""Coded logs for tests: the board's coding written a second time, from SPEC.md."""
+"""Coded logs for tests, by the coder that also makes the protocol's vectors."""
 
 from __future__ import annotations
 
 import random
+import sys
+from pathlib import Path
 
 import truing_protocol as tp
-from support.fake_board import FakeBoard, FakeLog, pack_block
+from support.fake_board import FakeBoard, FakeLog
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "protocol"))
+
+from generator import log_coder
 
 Record = tuple[int, ...]
+# The paper's robot, in single precision as the board has it.
+METRES_PER_COUNT, TURNS_PER_COUNT = 0.00016624259355012327, 9.349234460387379e-05
 
 
-def code_record(record: Record, last: list[int], before: list[int]) -> bytes:
-    """One record's mask and varints; moves the history on."""
-    mask, body = 0, b""
-    for i, value in enumerate(record):
-        predicted = 2 * last[i] - before[i] if tp.LOG_PREDICT_LINE[i] else last[i]
-        difference = (value - predicted + 2**31) % 2**32 - 2**31
-        if difference:
-            mask |= 1 << i
-            code = (difference << 1) ^ (difference >> 31)
-            code &= 0xFFFF_FFFF
-            while code >= 0x80:
-                body += bytes([code & 0x7F | 0x80])
-                code >>= 7
-            body += bytes([code])
-        before[i], last[i] = last[i], value
-    return mask.to_bytes(2, "little") + body
-
-
-def code_log(records: list[Record], log_id: int = 1, first_block: int = 0) -> bytes:
-    """Whole sealed blocks."""
-    blocks: list[bytes] = []
-    fields = len(tp.LOG_PREDICT_LINE)
-    held: list[bytes] = []
-    last, before = [0] * fields, [0] * fields
-    for record in records:
-        trial_last, trial_before = list(last), list(before)
-        coded = code_record(record, trial_last, trial_before)
-        if tp.LogHeader.SIZE + sum(map(len, held)) + len(coded) > tp.LOG_BLOCK_SIZE:
-            blocks.append(pack_block(first_block + len(blocks), log_id, held))
-            held, trial_last, trial_before = [], [0] * fields, [0] * fields
-            coded = code_record(record, trial_last, trial_before)
-        held.append(coded)
-        last, before = trial_last, trial_before
-    if held:
-        blocks.append(pack_block(first_block + len(blocks), log_id, held))
-    return b"".join(blocks)
+def code_log(
+    records: list[Record],
+    log_id: int = 1,
+    first_cell: int = 0,
+    *,
+    full: int = 560,
+    metres_per_count: float = METRES_PER_COUNT,
+    turns_per_count: float = TURNS_PER_COUNT,
+    rate_hz: int = 20,
+) -> bytes:
+    """Whole sealed blocks; a block is closed when its records have taken `full` bytes."""
+    log = log_coder.LogFormat(metres_per_count, turns_per_count, rate_hz, log_id)
+    return log_coder.code_log([list(record) for record in records], log, first_cell, full)
 
 
 def drive_records(count: int, seed: int = 1) -> list[Record]:
@@ -62,16 +47,27 @@ def drive_records(count: int, seed: int = 1) -> list[Record]:
     return rows
 
 
-def board_with_log(count: int = 1200, first_block: int = 3, log_id: int = 4) -> FakeBoard:
+def noisy_records(count: int) -> list[Record]:
+    """The same on a robot with bad sensors: some seven bytes a record."""
+    dice = random.Random(3)
+    rows = []
+    for row in drive_records(count):
+        noise = [dice.randrange(-40, 41) for _ in row]
+        noise[0:6] = [0] * 6
+        rows.append(tuple(value + off for value, off in zip(row, noise, strict=True)))
+    return rows
+
+
+def board_with_log(count: int = 1200, first_cell: int = 24, log_id: int = 4) -> FakeBoard:
     """A board whose ring holds one log of that many records."""
-    data = code_log(drive_records(count), log_id, first_block)
+    data = code_log(noisy_records(count), log_id, first_cell)
     entry = tp.LogEntry(
         log_id,
         tp.LogEnd.FINISHED,
         0,
         20,
-        first_block,
-        len(data) // tp.LOG_BLOCK_SIZE,
+        first_cell,
+        len(data) // tp.LOG_CELL_SIZE,
         count,
         1000,
         1000 + 50 * count,

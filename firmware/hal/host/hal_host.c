@@ -26,6 +26,8 @@ void hal_host_init(struct hal_host *board)
     board->store_refuse_at = UINT32_MAX;
     board->store_noise = 1;
     board->erase_ticks = 250;
+    board->log_memory_size[0] = 32768;
+    board->log_memory_size[1] = HAL_HOST_LOG_SIZE;
 }
 
 void hal_host_power_cycle(struct hal_host *board)
@@ -62,6 +64,11 @@ size_t hal_host_take_sent(struct hal_host *board, uint8_t *out, size_t capacity)
     memmove(board->sent, board->sent + taken, board->sent_length - taken);
     board->sent_length -= taken;
     return taken;
+}
+
+void hal_log_memory(uint32_t piece, struct hal_memory *out)
+{
+    *out = (struct hal_memory){.start = current->log_memory[piece], .size = current->log_memory_size[piece]};
 }
 
 void hal_identity(struct hal_identity *out)

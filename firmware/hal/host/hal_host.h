@@ -9,7 +9,8 @@ enum {
     HAL_HOST_RECEIVE_SIZE = 8192,
     HAL_HOST_SEND_SIZE = 65536,
     HAL_HOST_TICK_US = 1000,
-    HAL_HOST_CAN_FRAMES = 512
+    HAL_HOST_CAN_FRAMES = 512,
+    HAL_HOST_LOG_SIZE = 65536
 };
 
 struct hal_host {
@@ -42,6 +43,8 @@ struct hal_host {
     uint32_t can_bits_per_s; /* what the core joined the bus with */
     uint16_t can_ids[2];
     struct hal_can_report can_report;
+    uint8_t log_memory[HAL_LOG_MEMORIES][HAL_HOST_LOG_SIZE];
+    size_t log_memory_size[HAL_LOG_MEMORIES]; /* what of it there is */
 };
 
 /* A board at rest with 12 V, whose line takes everything and whose store is blank. */

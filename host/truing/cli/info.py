@@ -38,7 +38,7 @@ def command(app: App) -> None:
     app.say(f"  effort        left {status.effort[0]:+.4f}, right {status.effort[1]:+.4f}")
     app.say(f"  speed         left {status.speed_mps[0]:+.3f}, right {status.speed_mps[1]:+.3f} m/s")
     app.say(f"  pose          x {status.x_m:.3f} m, y {status.y_m:.3f} m, theta {status.theta_rad:.4f} rad")
-    app.say(f"  log memory    {info.log_block_count} blocks of {info.log_block_size} bytes")
+    app.say(f"  log memory    {info.log_bytes / 1024:g} KiB")
     app.say(f"  line          {status.frames_dropped} damaged frames received by the board")
     if not status.active and not status.latched:
         app.say("  faults        none")

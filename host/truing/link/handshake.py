@@ -39,8 +39,7 @@ class BoardInfo:
     max_payload: int
     max_segments: int
     parameter_count: int
-    log_block_size: int
-    log_block_count: int
+    log_bytes: int
     reset_cause: str
     clock_source: str
 
@@ -87,8 +86,7 @@ def shake_hands(client: Client) -> BoardInfo:
         max_payload=hello.max_payload,
         max_segments=hello.max_segments,
         parameter_count=hello.parameter_count,
-        log_block_size=hello.log_block_size,
-        log_block_count=hello.log_block_count,
+        log_bytes=hello.log_cell_count * hello.log_cell_size,
         reset_cause=_name(ResetCause, hello.reset_cause),
         clock_source=_name(ClockSource, hello.clock_source),
     )

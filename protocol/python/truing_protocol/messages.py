@@ -84,8 +84,8 @@ class LogEntry:
     end: int  # log_end
     truncated: int  # 1: the ring has overwritten its first blocks
     rate_hz: int
-    first_block: int  # first block that is still there
-    block_count: int  # sealed blocks that are still there
+    first_cell: int  # first cell that is still there
+    cell_count: int  # cells of sealed blocks that are still there
     record_count: int  # records written since the log opened
     start_ms: int  # device time
     end_ms: int  # device time of the last record
@@ -93,7 +93,7 @@ class LogEntry:
 
     def pack(self) -> bytes:
         """The payload's bytes; struct.error when a value does not fit its field."""
-        return _LOG_ENTRY.pack(self.log_id, self.end, self.truncated, self.rate_hz, self.first_block, self.block_count, self.record_count, self.start_ms, self.end_ms, self.sequence_crc)
+        return _LOG_ENTRY.pack(self.log_id, self.end, self.truncated, self.rate_hz, self.first_cell, self.cell_count, self.record_count, self.start_ms, self.end_ms, self.sequence_crc)
 
     @classmethod
     def unpack(cls, payload: bytes) -> LogEntry:
@@ -105,8 +105,8 @@ class LogEntry:
             end=v[1],
             truncated=v[2],
             rate_hz=v[3],
-            first_block=v[4],
-            block_count=v[5],
+            first_cell=v[4],
+            cell_count=v[5],
             record_count=v[6],
             start_ms=v[7],
             end_ms=v[8],
@@ -232,14 +232,14 @@ class HelloReply:
     max_payload: int  # bytes
     max_segments: int
     parameter_count: int
-    log_block_size: int  # bytes
-    log_block_count: int
+    log_cell_size: int  # bytes
+    log_cell_count: int  # cells in the log's ring: what memory was found good at the start
     reset_cause: int  # reset_cause
     clock_source: int  # clock_source
 
     def pack(self) -> bytes:
         """The payload's bytes; struct.error when a value does not fit its field."""
-        return _HELLO_REPLY.pack(self.protocol_version, self.schema_hash, *self.board_id, self.boot_id, self.firmware_version.encode("ascii"), self.board_name.encode("ascii"), self.tick_hz, self.max_payload, self.max_segments, self.parameter_count, self.log_block_size, self.log_block_count, self.reset_cause, self.clock_source)
+        return _HELLO_REPLY.pack(self.protocol_version, self.schema_hash, *self.board_id, self.boot_id, self.firmware_version.encode("ascii"), self.board_name.encode("ascii"), self.tick_hz, self.max_payload, self.max_segments, self.parameter_count, self.log_cell_size, self.log_cell_count, self.reset_cause, self.clock_source)
 
     @classmethod
     def unpack(cls, payload: bytes) -> HelloReply:
@@ -257,8 +257,8 @@ class HelloReply:
             max_payload=v[18],
             max_segments=v[19],
             parameter_count=v[20],
-            log_block_size=v[21],
-            log_block_count=v[22],
+            log_cell_size=v[21],
+            log_cell_count=v[22],
             reset_cause=v[23],
             clock_source=v[24],
         )
@@ -1138,14 +1138,14 @@ class SeqStateRequest:
         return SeqStateReply.unpack(payload)
 
 
-_LOG_LIST_REPLY = struct.Struct("<IIB")
+_LOG_LIST_REPLY = struct.Struct("<IIH")
 
 
 @dataclass(frozen=True, slots=True)
 class LogListReply:
     """Reply: the logs in the ring, oldest first."""
 
-    SIZE: ClassVar[int] = 9
+    SIZE: ClassVar[int] = 10
 
     oldest_offset: int  # first byte that can be read
     end_offset: int  # one past the last sealed byte
@@ -1159,24 +1159,24 @@ class LogListReply:
     @classmethod
     def unpack(cls, payload: bytes) -> LogListReply:
         """Read the payload's bytes; PayloadError when their number is wrong."""
-        _check_length(payload, 9, True, cls)
+        _check_length(payload, 10, True, cls)
         v = _LOG_LIST_REPLY.unpack_from(payload)
         return cls(
             oldest_offset=v[0],
             end_offset=v[1],
             total=v[2],
-            entries=tuple(LogEntry.unpack(part) for part in _parts(payload[9 :], LogEntry.SIZE, LogListReply)),
+            entries=tuple(LogEntry.unpack(part) for part in _parts(payload[10 :], LogEntry.SIZE, LogListReply)),
         )
 
 
-_LOG_LIST_REQUEST = struct.Struct("<B")
+_LOG_LIST_REQUEST = struct.Struct("<H")
 
 
 @dataclass(frozen=True, slots=True)
 class LogListRequest:
     """The logs in the ring, oldest first."""
 
-    SIZE: ClassVar[int] = 1
+    SIZE: ClassVar[int] = 2
     ID: ClassVar[int] = 0x30
     NAME: ClassVar[str] = "log_list"
     CHANGES: ClassVar[bool] = False
@@ -1190,7 +1190,7 @@ class LogListRequest:
     @classmethod
     def unpack(cls, payload: bytes) -> LogListRequest:
         """Read the payload's bytes; PayloadError when their number is wrong."""
-        _check_length(payload, 1, False, cls)
+        _check_length(payload, 2, False, cls)
         v = _LOG_LIST_REQUEST.unpack_from(payload)
         return cls(first=v[0])
 
@@ -1537,28 +1537,52 @@ class Refusal:
         return cls(request_id=v[0], reason=v[1], detail=v[2])
 
 
-_LOG_HEADER = struct.Struct("<IHHHH")
+_LOG_HEADER = struct.Struct("<IHHHBBIIIIffHI")
 
 
 @dataclass(frozen=True, slots=True)
 class LogHeader:
-    """Opens every block of the log's ring."""
+    """Opens every block of the log, and says all that its records need to be decoded."""
 
-    SIZE: ClassVar[int] = 12
+    SIZE: ClassVar[int] = 42
 
-    block_number: int  # counts up from 0 since boot; the block's absolute offset is this times log_block_size
+    cell: int  # the block's first cell, counted from 0 since boot; its absolute offset is this times log_cell_size
     log_id: int
-    used: int  # bytes used, this header included; the rest is zero
+    used: int  # bytes used, this header included; zeros fill the block's last cell
     records: int  # records in this block
     version: int  # log_record_version
+    end: int  # log_end; open in all blocks but a log's last
+    first_record: int  # records of this log before this block
+    start_ms: int  # device time at which the log opened
+    end_ms: int  # device time of the block's last record
+    sequence_crc: int  # CRC-32 of the sequence that was run; 0 in live modes
+    metres_per_count: float  # travel of a wheel
+    turns_per_count: float  # turn of the body while one wheel counts once and the other stands
+    rate_hz: int
+    crc32: int  # CRC-32 over the block's used bytes, these four left out
 
     def pack(self) -> bytes:
         """The payload's bytes; struct.error when a value does not fit its field."""
-        return _LOG_HEADER.pack(self.block_number, self.log_id, self.used, self.records, self.version)
+        return _LOG_HEADER.pack(self.cell, self.log_id, self.used, self.records, self.version, self.end, self.first_record, self.start_ms, self.end_ms, self.sequence_crc, self.metres_per_count, self.turns_per_count, self.rate_hz, self.crc32)
 
     @classmethod
     def unpack(cls, payload: bytes) -> LogHeader:
         """Read the payload's bytes; PayloadError when their number is wrong."""
-        _check_length(payload, 12, False, cls)
+        _check_length(payload, 42, False, cls)
         v = _LOG_HEADER.unpack_from(payload)
-        return cls(block_number=v[0], log_id=v[1], used=v[2], records=v[3], version=v[4])
+        return cls(
+            cell=v[0],
+            log_id=v[1],
+            used=v[2],
+            records=v[3],
+            version=v[4],
+            end=v[5],
+            first_record=v[6],
+            start_ms=v[7],
+            end_ms=v[8],
+            sequence_crc=v[9],
+            metres_per_count=v[10],
+            turns_per_count=v[11],
+            rate_hz=v[12],
+            crc32=v[13],
+        )

@@ -15,13 +15,13 @@ from .enums import ParameterKind
 PROTOCOL_VERSION: Final = 1
 MAX_PAYLOAD: Final = 1024
 MAX_SEGMENTS: Final = 256
-LOG_BLOCK_SIZE: Final = 512
-LOG_BLOCK_COUNT: Final = 160
-LOG_RECORD_VERSION: Final = 1
+LOG_CELL_SIZE: Final = 64
+LOG_BLOCK_LIMIT: Final = 1024
+LOG_RECORD_VERSION: Final = 2
 CAN_HOST_TO_BOARD: Final = 0x600
 CAN_BOARD_TO_HOST: Final = 0x640
 CAN_NODES: Final = 0x3f
-SCHEMA_HASH: Final = 0xa6fe1e6b
+SCHEMA_HASH: Final = 0xff54a95d
 REFUSAL_ID: Final = 0xff
 REPLY_BIT: Final = 0x80
 
@@ -241,11 +241,20 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
 
 LOG_HEADER_DTYPE: Final = np.dtype(
     [
-        ("block_number", "<u4"),
+        ("cell", "<u4"),
         ("log_id", "<u2"),
         ("used", "<u2"),
         ("records", "<u2"),
-        ("version", "<u2"),
+        ("version", "<u1"),
+        ("end", "<u1"),
+        ("first_record", "<u4"),
+        ("start_ms", "<u4"),
+        ("end_ms", "<u4"),
+        ("sequence_crc", "<u4"),
+        ("metres_per_count", "<f4"),
+        ("turns_per_count", "<f4"),
+        ("rate_hz", "<u2"),
+        ("crc32", "<u4"),
     ]
 )
 LOG_RECORD_DTYPE: Final = np.dtype(
@@ -268,5 +277,3 @@ LOG_RECORD_DTYPE: Final = np.dtype(
         ("battery_10mv", "<u2"),  # supply, 10 mV
     ]
 )
-# True: predicted by 2 * last - one before; False: by last.
-LOG_PREDICT_LINE: Final[tuple[bool, ...]] = (True, False, False, False, False, False, False, False, True, True, False, False, True, True, True, False)
