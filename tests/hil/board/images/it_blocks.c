@@ -30,10 +30,23 @@ __attribute__((naked, noinline)) static uint32_t first_look(const uint8_t *page 
                    "1: add r0, #1\n add r0, #1\n add r0, #1\n add r0, #1\n bx lr");
 }
 
+/* The same, left by a plain branch, which an engine may tie to what it branched to the first time. */
+__attribute__((naked, noinline)) static uint32_t second_look(const uint8_t *page __attribute__((unused)))
+{
+    __asm volatile("mov r2, r0\n movs r0, #0\n"
+                   "cmp r0, #0\n ittt eq\n ldrbeq r1, [r2]\n moveq r1, #0\n moveq r1, #0\n"
+                   "cmp r0, #1\n b 1f\n nop\n"
+                   "1: add r0, #1\n add r0, #1\n add r0, #1\n add r0, #1\n bx lr");
+}
+
 int main(void)
 {
     for (uint32_t page = 0x08000000; page < 0x08100000; page += 1024) {
         pages_wrong += first_look((const uint8_t *)page) != 4;
+    }
+    for (uint32_t page = 0x20004000; page < 0x20008000; page += 1024) {
+        pages_wrong += second_look((const uint8_t *)page) != 4;
+        pages_wrong += second_look((const uint8_t *)page) != 4;
     }
     SYST_RVR = 100;
     SYST_CVR = 0;
