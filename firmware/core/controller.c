@@ -47,6 +47,7 @@ static void poll_can(struct controller *controller)
         if (event == CAN_LINK_STOP) {
             robot_stop(&controller->robot);
         } else {
+            robot_write_log(&controller->robot);
             requests_answer(controller, PORT_CAN, &request);
         }
         can_link_flush(can, controller->robot.now_ms);

@@ -21,7 +21,8 @@ void log_init(struct log *log)
 /* Where `offset` lies, and in *length how many of the bytes wanted from there on lie together. */
 static uint8_t *place(const struct log *log, uint32_t offset, size_t *length)
 {
-    size_t position = (size_t)((offset / cell_size) % log->cells) * cell_size + offset % cell_size;
+    const uint32_t from_start = ((offset / cell_size) % log->cells) * cell_size + offset % cell_size;
+    size_t position = from_start;
     uint32_t memory = 0;
     size_t size = log->memory[0].size / cell_size * cell_size;
     while (position >= size) {
@@ -132,11 +133,12 @@ static void seal_block(struct log *log, uint8_t end)
     header.crc32 = crc32_update(crc32_update(0, log->block, header_before_crc),
                                 log->block + PROTO_LOG_HEADER_SIZE, size);
     (void)proto_log_header_encode(&header, log->block, PROTO_LOG_HEADER_SIZE);
-    memset(log->block + used, 0, cells * cell_size - used);
+    const size_t whole = (size_t)cells * cell_size;
+    memset(log->block + used, 0, whole - used);
     while (log->end_cell - log->oldest_cell + cells > log->cells) {
         log->oldest_cell += cells_of(header_at(log, log->oldest_cell).used);
     }
-    store(log, log->end_cell * cell_size, log->block, cells * cell_size);
+    store(log, log->end_cell * cell_size, log->block, whole);
     log->end_cell += cells;
 }
 

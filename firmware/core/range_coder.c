@@ -1,14 +1,15 @@
 /* Binary arithmetic coding with models that learn, as SPEC.md's "Coded bits" describes it. */
 #include "range_coder.h"
 
-static const uint32_t top_byte = 1u << 24;
-static const uint32_t half = 1u << 15;
+static const uint32_t top_byte = 0x1000000u;
+static const uint32_t half = 0x8000u;
 static const uint32_t least = 64;     /* of 65536: no bit is ever certain */
 static const uint32_t most_seen = 30; /* from then on a model forgets as fast as it learns */
 
 void range_coder_start(struct range_coder *coder, uint8_t *out, size_t capacity)
 {
-    *coder = (struct range_coder){.out = out, .capacity = capacity, .range = UINT32_MAX};
+    *coder = (struct range_coder){.capacity = capacity, .range = UINT32_MAX};
+    coder->out = out;
 }
 
 /* Adds to the code; a carry runs back through the bytes that are written already. */

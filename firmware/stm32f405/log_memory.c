@@ -1,4 +1,4 @@
-/* The memory that the log lies in: a part of SRAM, and the core-coupled memory where there is any.
+/* The memory that the log lies in: the SRAM that is left, and the core-coupled memory where there is any.
  *
  * Core-coupled memory (RM0090 section 2.3.1) hangs on the processor's data bus alone: no peripheral reaches
  * it, which the log does not mind. Parts of the family without it answer with a bus error. */
@@ -10,9 +10,11 @@
 #include "hal.h"
 #include "registers.h"
 
-enum { SRAM_BYTES = 32768, WORDS = CCM_SIZE / sizeof(uint32_t) };
+enum { WORDS = CCM_SIZE / sizeof(uint32_t) };
 
-static uint8_t sram_part[SRAM_BYTES];
+/* From the linker script. */
+extern uint8_t __log_memory_start[], __log_memory_end[];
+
 static uint32_t good_words;
 
 /* Each word holds another value, so that lines that are stuck or tied together show. */
@@ -47,7 +49,8 @@ void log_memory_start(void)
 void hal_log_memory(uint32_t piece, struct hal_memory *out)
 {
     if (piece == 0) {
-        *out = (struct hal_memory){.start = sram_part, .size = sizeof sram_part};
+        *out = (struct hal_memory){.start = __log_memory_start,
+                                   .size = (size_t)(__log_memory_end - __log_memory_start)};
     } else {
         *out = (struct hal_memory){.start = (uint8_t *)CCM_ADDRESS, .size = good_words * sizeof(uint32_t)};
     }

@@ -446,7 +446,8 @@ void core_run(struct board *b)
         }
         if (b->it_stale && b->it_left == 0) {
             b->it_stale = false;
-            /* The engine has translated the next block for that state already, and tied the last one to it. */
+            /* The engine has translated the next block for that state already, and tied the last one to it.
+             */
             uc_ctl_remove_cache(b->uc, b->block_pc, (uint64_t)b->block_pc + 2u);
             core_set(b, UC_ARM_REG_XPSR_NZCVQG, core_get(b, UC_ARM_REG_XPSR) & ~XPSR_IT);
         }

@@ -85,7 +85,7 @@ def decode_log(
     if offset is None:
         offset = blocks[0].header.cell * LOG_CELL_SIZE - blocks[0].at if blocks else 0
     lost = [LostBlock(offset + at, reason, _records_between(blocks, at)) for at, reason in bad]
-    sound = []
+    sound: list[_Block] = []
     for block in blocks:
         try:
             _check_order(block.header, log_id, sound[-1].header if sound else None)

@@ -19,6 +19,7 @@ BENCHES = (
     "cli_overhead",
     "board_speed",
     "log_download",
+    "log_memory",
     "identify_speed",
     "discrete_models",
     "emps",
@@ -45,7 +46,9 @@ def _table(figures: list[Figure]) -> Table:
     for figure in figures:
         sign = "at least" if figure.better == "more" else "at most"
         bar = "" if figure.bar is None else f"{sign} {figure.bar:g} {figure.unit}"
-        peer = "" if figure.peer_value is None else f"{figure.peer}: {figure.peer_value:.4g} {figure.unit}"
+        peer = figure.peer
+        if figure.peer_value is not None:
+            peer += f": {figure.peer_value:.4g} {figure.unit}"
         table.add_row(
             figure.name,
             bar if figure.is_met else f"[red]{bar}, NOT MET[/red]",

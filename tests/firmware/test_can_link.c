@@ -325,8 +325,8 @@ static void make_logs(uint32_t count)
 
 static void say_log_list(uint16_t sequence)
 {
-    const uint8_t first = 0;
-    say(PROTO_ID_LOG_LIST, sequence, &first, 1);
+    static const uint8_t first[PROTO_LOG_LIST_REQUEST_SIZE];
+    say(PROTO_ID_LOG_LIST, sequence, first, sizeof first);
 }
 
 static void requests_wait_for_room_and_are_answered_in_order(void)

@@ -142,7 +142,7 @@ def test_a_download_that_is_cut_goes_on_with_the_next_command(board: ServedBoard
     """The link is closed in the middle of a download, from the host's side of the socket."""
     plan = tmp_path / "long.toml"
     plan.write_text(
-        "log_rate_hz = 200\n[[segment]]\nduration_s = 4.0\neffort = 0.3\n"
+        "log_rate_hz = 200\n[[segment]]\nduration_s = 8.0\nvelocity_mps = 0.3\n"
         "[[segment]]\nduration_s = 1\neffort = 0.0\n"
     )
     subprocess.run(board.truing("run", str(plan), "--set", str(tmp_path / "set")), check=True, timeout=30)

@@ -183,8 +183,8 @@ def test_the_main_loop_sleeps_through_bytes_that_end_no_frame(robot: VirtualRobo
 
 def test_a_saturated_line_loses_nothing_and_breaks_no_rule_of_the_chip(robot: VirtualRobot) -> None:
     client = connect(robot)
-    start(client, MIXED, 200)
-    client.stream.sleep(4.0)
+    start(client, 4 * MIXED, 200)
+    client.stream.sleep(13.0)
     began = robot.time_us
     received = read_log(client)
     print(f"{received} bytes of log in {(robot.time_us - began) / 1e6:.3f} s")

@@ -10,6 +10,7 @@ from support.faulty_stream import FaultyStream
 from truing.device import Device
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
+from truing_protocol import LOG_CELL_SIZE
 
 # Core-coupled memory: address and size (RM0090 section 2.3.1).
 CCM = (0x10000000, 65536)
@@ -44,7 +45,9 @@ class Chain:
 
     def ring(self) -> bytes:
         """The log's ring as it lies in the board's two memories."""
-        return self.robot.read_memory(*self.robot.symbol("sram_part")) + self.robot.read_memory(*CCM)
+        start, end = (self.robot.symbol(f"__log_memory_{edge}")[0] for edge in ("start", "end"))
+        sram = self.robot.read_memory(start, (end - start) // LOG_CELL_SIZE * LOG_CELL_SIZE)
+        return sram + self.robot.read_memory(*CCM)
 
     def in_ram(self, offset: int, length: int) -> bytes:
         """Bytes of the log by absolute offset, straight from RAM."""

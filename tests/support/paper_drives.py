@@ -1,0 +1,71 @@
+"""The paper's test plan, driven again and again with its rests, and how much of it the log's ring holds."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+from truing.device import Device
+from truing.link.client import Client
+from truing.link.virtual_stream import VirtualStream
+from truing.log_decode import decode_log
+from truing.plan import Kind, built_in_names, load_plan
+
+RATE_HZ = 20
+BOOT_US, PAUSE_US = 500_000, 200_000
+
+
+@dataclass(frozen=True)
+class Held:
+    """What the board's logs are; `bytes_per_record` is by mode, headers and whole cells included."""
+
+    records: int
+    memory: int
+    bytes_per_record: dict[str, float]
+    came_round: bool
+
+    @property
+    def minutes(self) -> float:
+        """Of records at 20 Hz that are in memory."""
+        return self.records / RATE_HZ / 60
+
+    @property
+    def minutes_when_full(self) -> float:
+        """The same, had the drives gone on until the memory was full."""
+        return self.memory / self.bytes_per_record["all"] / RATE_HZ / 60
+
+
+def drive_paper(robot: Any, rounds: int | None = None) -> Held:
+    """Drive tests I to XVII `rounds` times, or until the first log is gone; fetch and decode what is there.
+
+    Parameters
+    ----------
+    robot : just switched on; a virtual robot on the flashed image, or on the core alone.
+    """
+    plans = [load_plan(name) for name in built_in_names() if name.startswith("paper/")]
+    assert len(plans) == 17
+    modes: dict[int, str] = {}
+    took: Counter[str] = Counter()
+    counted: Counter[str] = Counter()
+    robot.run_us(BOOT_US)
+    with Device(Client(VirtualStream(robot))) as device:
+        driven = 0
+        while driven != rounds and not (driven and device.logs()[0].log_id > 1):
+            driven += 1
+            for plan in plans:
+                assert plan.log_rate_hz == RATE_HZ
+                log_id = device.start(device.upload(plan))
+                velocity = any(segment.kind is Kind.VELOCITY for segment in plan.segments)
+                modes[log_id] = "velocity" if velocity else "effort"
+                robot.run_us(round(plan.duration_s * 1e6) + PAUSE_US)
+        logs = device.logs()
+        for log in logs:
+            data, _ = device.read_log(log)
+            decoded = decode_log(data, log.offset, log.log_id)
+            assert not decoded.lost
+            for name in ("all", modes[log.log_id]):
+                took[name] += len(data)
+                counted[name] += len(decoded.records)
+    each = {name: took[name] / counted[name] for name in took}
+    return Held(counted["all"], device.info.log_bytes, each, logs[0].log_id > 1)
