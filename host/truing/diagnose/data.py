@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from truing.baseline import Baseline
-from truing.diagnose.usable import usable_rows
+from truing.diagnose.usable import carried_over, usable_rows
 from truing.errors import IdentifyError
 from truing.model.excitation import Pieces, excitation
 from truing.recording import MOTION_PAIRS, WHEELS, RecordingSet, Run, SpeedSource
@@ -286,7 +286,7 @@ def set_data(
         usable=np.concatenate([mask[keep] for mask, keep in zip(usable, rows_of_run, strict=True)]),
         source=source,
         resolution_mps=float(np.median([item.resolution for both_ in speeds for item in both_])),
-        initial_mps=_initial(speed, starts, baseline),
+        initial_mps=_initial(t_s, effort, speed, starts, baseline),
         travel_m=travel,
         angle_rad=angle,
         origin_rad=origin,
@@ -397,7 +397,9 @@ def _elapsed(runs: Sequence[Run], rows: Sequence[IntArray]) -> FloatArray:
     return np.concatenate(parts)
 
 
-def _initial(speed: FloatArray, starts: IntArray, baseline: Baseline) -> FloatArray:
+def _initial(
+    t_s: FloatArray, effort: FloatArray, speed: FloatArray, starts: IntArray, baseline: Baseline
+) -> FloatArray:
     """Speed at the first row of every segment, shape (segments, 2), m/s."""
     initial = np.zeros((len(starts) - 1, 2))
     gains = np.array([baseline.left.gain_mps, baseline.right.gain_mps])
@@ -407,6 +409,11 @@ def _initial(speed: FloatArray, starts: IntArray, baseline: Baseline) -> FloatAr
         # Row 0 of a run repeats row 1 where speed is differenced: the line through rows 1 and 2 tells more.
         at_start = 1.5 * rows[1] - 0.5 * rows[2] if len(rows) > 2 else rows[0]
         initial[k] = np.where(moving, at_start, 0.0)
+        for wheel in np.flatnonzero(~moving):
+            here = slice(a, b)
+            row = carried_over(t_s[here], effort[here, wheel], speed[here, wheel], gains[wheel])
+            if row is not None:
+                initial[k, wheel] = speed[a + row, wheel]
     return initial
 
 

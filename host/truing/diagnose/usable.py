@@ -15,6 +15,9 @@ Pair = tuple[FloatArray, FloatArray]
 
 # A wheel speed no wheel of this robot reaches: the baseline's own top speed, this many times.
 JUMP_FACTOR = 4.0
+# Motion against the effort within this time of a run's start, faster than this share of full speed, under
+# more than this effort, is older than the run.
+CARRY_S, CARRY_SHARE, CARRY_EFFORT = 0.15, 0.03, 0.02
 
 
 def wheel_speeds(run: Run, baseline: Baseline) -> Pair:
@@ -24,16 +27,40 @@ def wheel_speeds(run: Run, baseline: Baseline) -> Pair:
 
 
 def usable_rows(runs: Sequence[Run], baseline: Baseline, speeds: Sequence[Pair]) -> list[BoolArray]:
-    """Per run (n, 2): False where a speed is none that the wheel can have, and for a wheel that is dead."""
+    """Per run (n, 2): False where a speed is none that the wheel can have, and for a wheel that is dead.
+
+    Also until the motion that a run inherits has come through the recorder.
+    """
     masks = [
         np.stack([~jumps(run, baseline, pair[column], column) for column in (0, 1)], axis=1)
         for run, pair in zip(runs, speeds, strict=True)
     ]
-    for column in (0, 1):
+    for column, wheel in enumerate(WHEELS):
+        gain = (baseline.right if column else baseline.left).gain_mps
+        for run, pair, mask in zip(runs, speeds, masks, strict=True):
+            row = carried_over(run.t_s, run.effort(wheel), pair[column], gain)
+            if row is not None:
+                mask[: row + 1, column] = False
         if not moves(speeds, column):
             for mask in masks:
                 mask[:, column] = False
     return masks
+
+
+def carried_over(t_s: FloatArray, effort: FloatArray, speed: FloatArray, gain_mps: float) -> int | None:
+    """The row of a run at which its wheel is seen to move on from before the run, or None.
+
+    A wheel that turns against its effort in the first moments did not start at rest; a recorder's filter
+    shows that motion late, so that the fastest such row tells more of it than the first.
+
+    Parameters
+    ----------
+    t_s, effort, speed : shape (n,), of one wheel from the run's first row on.
+    """
+    early = t_s - t_s[0] < CARRY_S
+    against = early & (speed * effort < 0.0)
+    against &= (np.abs(speed) > CARRY_SHARE * gain_mps) & (np.abs(effort) > CARRY_EFFORT)
+    return int(np.argmax(np.abs(speed) * against)) if against.any() else None
 
 
 def moves(speeds: Sequence[Pair], column: int) -> bool:

@@ -7,6 +7,7 @@ import pytest
 
 from support.recorded_sets import Columns, baseline, columns, recordings, with_speeds
 from truing.diagnose.checks import DataChecks, check_data
+from truing.diagnose.data import set_data
 from truing.errors import TruingError
 from truing.recording import RecordingSet, Run
 
@@ -199,3 +200,19 @@ def test_an_encoder_that_half_counts_is_a_doubt_about_that_wheel() -> None:
     checks = check_data(recordings(change=change))
     check = next(check for check in checks.checks if check.topic == "sides")
     assert (check.wheel, check.severity) == ("right", "doubt")
+
+
+def test_a_run_that_begins_against_its_effort_starts_with_the_motion_it_inherits() -> None:
+    def inherit(name: str, values: Columns) -> None:
+        with_speeds(values)
+        if name.startswith("02"):
+            values["effort_left"][:3] = (-0.4, 0.3, 0.3)
+            values["vel_left_mps"][:4] = (0.0, -0.2, -0.35, 0.1)
+
+    data = set_data(recordings(change=inherit))
+    assert data.initial_mps[:, 0].tolist() == [0.0, -0.35, 0.0, 0.0]
+    assert data.initial_mps[:, 1].tolist() == [0.0] * 4
+    left = data.usable[data.rows_of(1), 0]
+    assert not left[:3].any()
+    assert left[3:].all()
+    assert data.usable[:, 1].all()
