@@ -38,7 +38,8 @@ def advantage(problem: Problem, one: Fit, other: Fit) -> Advantage:
     wheels, pose = moment_gains(problem, one, other)
     rows = float((problem.counted > 0.0).sum() + 3.0 * (problem.pose_counted > 0.0).sum())
     price = 0.5 * (one.size - other.size) * math.log(max(rows, 2.0))
-    gain = float(wheels.sum() + pose.sum()) - price
+    told = problem.evidence(one.effects) - problem.evidence(other.effects)
+    gain = float(wheels.sum() + pose.sum()) - price + told
     moment = max(float((wheels[1:] + wheels[:-1]).max(initial=0.0)), float(pose.max(initial=0.0)))
     return Advantage(gain, gain - moment, difference(problem, one, other))
 

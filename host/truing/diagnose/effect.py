@@ -69,6 +69,11 @@ def always(data: SetData) -> float:
     return 1.0 if len(data) else 0.0
 
 
+def silent(data: SetData) -> float:
+    """No signal says anything of it directly."""
+    return 0.0 * len(data)
+
+
 @dataclass(frozen=True, slots=True)
 class Effect:
     """One entry of the catalogue.
@@ -98,6 +103,7 @@ class Effect:
     couples : it lets one wheel move the other, so that the wheels cannot be perturbed in one rollout.
     units : of contract parameters that `report` makes.
     extends : the simpler effect that this one contains; it is named only where that one falls short.
+    evidence : what two recorded signals say of it without any model of the robot, nats; 0 where silent.
     """
 
     name: str
@@ -118,6 +124,7 @@ class Effect:
     couples: bool = False
     units: Mapping[str, str] = field(default_factory=dict)
     extends: str = ""
+    evidence: Callable[[SetData], float] = silent
 
     def parameter(self, name: str) -> Parameter:
         """A parameter by its name."""

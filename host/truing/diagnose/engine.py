@@ -13,11 +13,13 @@ import numpy as np
 from truing.diagnose.adequacy import Structure, find_structure
 from truing.diagnose.applicable import applicable_effects
 from truing.diagnose.between_rows import doubt_of_courses, with_courses
+from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.data import SetData, set_data
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.held_out import folds_of
 from truing.diagnose.noise import Noise, white_noise
 from truing.diagnose.problem import CLIP, Problem, base_columns, lagged_rows, noise_left, pose_spread
+from truing.diagnose.recorder import with_judged_signal
 from truing.diagnose.result import Diagnosis
 from truing.diagnose.search import Search
 from truing.diagnose.simulation.simulator import SetSimulator
@@ -93,7 +95,7 @@ class _Stage:
 
 def investigate(data: SetData, say: Progress, jobs: int) -> Reasoning:
     """All fits, and what follows from them."""
-    data = with_courses(data)
+    data = with_courses(with_judged_signal(data))
     simulator = SetSimulator(data, data.baseline, commanded=data.commanded)
     names = applicable_effects(data)
     stage = first_look(data, simulator)
@@ -129,6 +131,7 @@ def first_look(data: SetData, simulator: SetSimulator) -> _Stage:
         tied=left == right,
         base_effects=tuple(data.baseline.effects),
         base_columns=base_columns(simulator, left == right, tuple(data.baseline.effects)),
+        told={name: effect.evidence(data) for name, effect in CATALOGUE.items()},
     )
     base = fit(problem, (), simulator.start(), iterations=25)
     problem = replace(problem, pose_counted=np.ones(windows))
@@ -190,4 +193,5 @@ def own_cost(problem: Problem, one: Fit, noise: Noise) -> float:
     """Negative log-likelihood of a fit under the noise that it leaves, each number paid for, nats."""
     rows = problem.counted.sum(axis=0)
     pose = 0.5 * float(np.sum(np.minimum(one.residual.pose**2, CLIP**2)))
-    return float(rows @ np.log(noise.sigma)) + pose + 0.5 * one.size * float(np.log(max(rows.sum(), 2.0)))
+    price = 0.5 * one.size * float(np.log(max(rows.sum(), 2.0)))
+    return float(rows @ np.log(noise.sigma)) + pose + price - problem.evidence(one.effects)

@@ -72,6 +72,11 @@ class Problem:
     tied: bool = False
     base_effects: tuple[str, ...] = ()
     base_columns: tuple[Column, ...] = field(default=())
+    told: dict[str, float] = field(default_factory=dict)
+
+    def evidence(self, effects: tuple[str, ...]) -> float:
+        """What the signals say directly for these effects, nats."""
+        return sum(self.told.get(name, 0.0) for name in effects)
 
     def masks(self, effects: tuple[str, ...]) -> np.ndarray:
         """Which effects are on, for the simulator."""

@@ -107,8 +107,8 @@ def _prospect(
         scales, gain = _project(flat, span, shapes, [_signed(effect, owner) for owner in look.owners])
         found.append((gain, _place(problem, anchor.theta, effect, look.values, look.owners, scales)))
     found.sort(key=lambda one: -one[0])
-    good = [theta for gain, theta in found[:keep] if gain > LEAST_OF_BEST * found[0][0]]
-    return Prospect(name, found[0][0], tuple(good))
+    good = [theta for gain, theta in found[:keep] if gain >= LEAST_OF_BEST * found[0][0]]
+    return Prospect(name, found[0][0] + problem.evidence((name,)), tuple(good))
 
 
 def trial_points(effect: Effect) -> list[tuple[dict[str, float], list[tuple[str, ...]]]]:

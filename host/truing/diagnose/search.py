@@ -57,10 +57,16 @@ class Search:
         problem = self.problem.for_thread()
         starts = prospect.starts
         if len(starts) == 1:
-            return fit(problem, effects, starts[0], iterations=SCOUT_STEPS + 15)
+            return self._no_worse(anchor, fit(problem, effects, starts[0], iterations=SCOUT_STEPS + 15))
         scouts = [fit(problem, effects, start, iterations=SCOUT_STEPS, tolerance=1e-3) for start in starts]
         best = min(scouts, key=lambda one: one.cost)
-        return fit(problem, effects, best.theta, iterations=15)
+        return self._no_worse(anchor, fit(problem, effects, best.theta, iterations=15))
+
+    def _no_worse(self, anchor: Fit, done: Fit) -> Fit:
+        """The fit, or the anchor with the effect at nothing where the search for its numbers went astray."""
+        if done.cost <= anchor.cost:
+            return done
+        return Fit(done.effects, anchor.theta, done.columns, anchor.residual)
 
     def better(self, one: Fit, other: Fit) -> Advantage:
         """How much better `one` is than `other`."""

@@ -27,11 +27,12 @@ LEAST_SECOND, SECOND_SHARE = 0.4, 0.15
 # Another explanation is a rival unless it is worse by this much.
 RIVAL_GAIN, RIVAL_TIMES = 6.0, 0.15
 MOST_RIVALS = 3
-# What a flexible model still foretells is unexplained beyond these.
+# What a flexible model still foretells is unexplained beyond these: RMS over noise, standard errors of the
+# share, share of what was explained in RMS.
 LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.35, 3.0, 0.3
-# Moments with more than their share of the residual are unexplained where they hold this share of its
-# energy, and this share of what the accused effects took away.
-LEAST_BURSTS, BURSTS_OF_EXPLAINED = 0.12, 0.4
+# What is left, foretold or in moments that no noise makes, is unexplained also where it holds this share
+# of a wheel's residual energy and the accused effects took away less than a few times as much.
+LEAST_FORETOLD, LEAST_BURSTS, LEFT_OF_EXPLAINED = 0.06, 0.12, 0.4
 # The baseline's numbers are off beyond this RMS over noise.
 OFF_TIMES = 0.15
 
@@ -73,7 +74,7 @@ def reason(search: Search, tried: list[str], structure_of: object) -> Reasoning:
     left = structure_of(problem, best)  # type: ignore[operator]
     rivals = rivals_of(search, best) if best.effects else ()
     strength = search.better(best, base).times_noise if best.effects else 0.0
-    if remains(left, strength) or bursts_remain(search, best, base):
+    if remains(left, strength) or outweighs(search, left, best, base):
         verdict: Verdict = "unexplained"
     elif best.effects:
         verdict = "ambiguous" if rivals else "missing_physics"
@@ -134,13 +135,16 @@ def remains(left: Structure, strength: float) -> bool:
     return bool(np.any(sure & (times > max(LEFT_TIMES, LEFT_SHARE * strength))))
 
 
-def bursts_remain(search: Search, best: Fit, base: Fit) -> bool:
-    """Whether moments are left that no noise makes, beside what was explained."""
+def outweighs(search: Search, left: Structure, best: Fit, base: Fit) -> bool:
+    """Whether what is left weighs much beside what was explained: then the name is not the right one."""
     problem = search.problem
-    share = find_bursts(problem.data, best.residual.wheels).share
-    energy = float(share @ (best.residual.wheels**2).sum(axis=0))
+    energy = (best.residual.wheels**2).sum(axis=0)
+    sure = (left.share > LEFT_ERRORS * left.error) & (left.share > LEAST_FORETOLD)
+    bursts = find_bursts(problem.data, best.residual.wheels).share
+    foretold = float(np.where(sure, left.share, 0.0) @ energy)
+    sudden = float(np.where(bursts > LEAST_BURSTS, bursts, 0.0) @ energy)
     explained = 2.0 * search.better(best, base).gain if best.effects else 0.0
-    return bool(np.any(share > LEAST_BURSTS)) and energy > BURSTS_OF_EXPLAINED * explained
+    return max(foretold, sudden) > LEFT_OF_EXPLAINED * max(explained, 0.0)
 
 
 def confidence(search: Search, best: Fit) -> float:

@@ -27,6 +27,11 @@ from truing.diagnose import exercise
 from truing.diagnose.data import FloatArray, SetData
 from truing.diagnose.effect import Effect, Parameter
 
+# Speeds lag positions when the lag leaves less than this share of their difference.
+CLEARLY = 0.6
+# Neighbouring rows say the same: as many rows count as one independent sample.
+ROWS_PER_SAMPLE = 10.0
+
 
 def after_step(
     state: float, h: float, speed_start: float, speed_end: float, travel: float, time_constant: float
@@ -97,6 +102,20 @@ def _filtered(speed: FloatArray, data: SetData, lag: float) -> FloatArray:
     return out
 
 
+def told_apart(data: SetData) -> bool:
+    """Whether the recorder's speeds lag its own counts or positions, beyond what noise would make."""
+    lag = direct_lag(data)
+    return lag is not None and lag.time_constant_s > 0.0 and lag.rms_mps < CLEARLY * lag.rms_without_mps
+
+
+def _evidence(data: SetData) -> float:
+    lag = direct_lag(data)
+    if lag is None or not told_apart(data):
+        return 0.0
+    moving = np.count_nonzero(data.judged) / ROWS_PER_SAMPLE
+    return float(moving * math.log(lag.rms_without_mps / max(lag.rms_mps, 1e-3 * lag.rms_without_mps)))
+
+
 def _exercised(data: SetData) -> float:
     return exercise.enough(exercise.effort_steps(data), 4.0)
 
@@ -114,5 +133,6 @@ EFFECT = Effect(
     parameters=(Parameter("time_constant", "s", 0.0, 1.0, 0.0, (0.03, 0.1)),),
     needs=("vel",),
     exercised=_exercised,
+    evidence=_evidence,
     step_share=0.1,
 )
