@@ -37,6 +37,14 @@ if TYPE_CHECKING:
     type=click.Path(file_okay=False, path_type=Path),
     help="Recording set that runs are added to.  [default: out/recordings/BOARD]",
 )
+@click.option(
+    "--rate",
+    "rate_hz",
+    type=click.FloatRange(1.0, 200.0),
+    default=30.0,
+    show_default=True,
+    help="Samples of the live picture in a second, as far as the link keeps up.",
+)
 @virtual_options
 @json_option
 def command(
@@ -45,6 +53,7 @@ def command(
     host: str,
     browser: bool,
     folder: Path | None,
+    rate_hz: float,
     seed: int | None,
     robot: Path | None,
     image: Path | None,
@@ -74,7 +83,7 @@ def command(
         sys.stdout.flush()
 
     app.choose_virtual(seed, robot, image)
-    session = ViewSession(ViewOptions(app.port, VirtualOptions(app.seed, image, robot), folder))
+    session = ViewSession(ViewOptions(app.port, VirtualOptions(app.seed, image, robot), folder, rate_hz))
     try:
         serve(session, ServerOptions(host, http_port, browser), announce)
     finally:

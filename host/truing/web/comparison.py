@@ -224,7 +224,8 @@ def _bent(simulated: Curve, model: ErrorModel, start: Pose, width: float) -> Cur
 
 
 def _text(value: float | None, digits: int) -> str:
-    return "–" if value is None else f"{value:.{digits}f}".replace("-", "−")
+    # Adding zero takes the sign from a zero.
+    return "–" if value is None else f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
 def _turn_deg(a: Pose, b: Pose) -> float:

@@ -71,6 +71,6 @@ def sample_of(status: BoardStatus, command: tuple[float, float] | None) -> LiveS
     )
 
 
-def open_source(device: Device) -> LiveSource:
+def open_source(device: Device, rate_hz: float = POLL_HZ) -> LiveSource:
     """The best source that this board has."""
-    return StatusSource(device)
+    return StatusSource(device, rate_hz)

@@ -13,6 +13,7 @@ from truing.web.board_worker import BoardWorker, RunOrder
 from truing.web.diagnosis_job import DiagnosisJob
 from truing.web.driver_lock import DriverLock
 from truing.web.error_model import Kind, ModelChoice, load_model
+from truing.web.live_source import POLL_HZ, open_source
 from truing.web.pose import Pose
 from truing.web.sensing import Sensing
 from truing.web.side_process import SideProcess
@@ -33,6 +34,7 @@ class ViewOptions:
     port: str = "sim"
     virtual: VirtualOptions = field(default_factory=VirtualOptions)
     folder: Path | None = None
+    rate_hz: float = POLL_HZ
 
 
 class ViewSession:
@@ -43,7 +45,12 @@ class ViewSession:
         self.virtual = VirtualProcess(options.virtual) if options.port == "sim" else None
         self.port = options.port if self.virtual is None else self.virtual.port
         self.lock = DriverLock(self._left_the_wheel)
-        self.worker = BoardWorker(self._connect, _START, each_step=self.lock.drop_silent)
+        self.worker = BoardWorker(
+            self._connect,
+            _START,
+            source=lambda device: open_source(device, options.rate_hz),
+            each_step=self.lock.drop_silent,
+        )
         self.world = _first_world()
         self.sensing = Sensing(self.world, self.poses)
         self.sensing.warm_up()

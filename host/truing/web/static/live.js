@@ -17,6 +17,7 @@ class Live {
     this.truth = [];
     this.held = new Set();
     this.frames = 0;
+    this.received = 0;               // samples since the page was opened
     this.rate = 0;
     this.session = null;
     this._shown = 0;
@@ -70,6 +71,7 @@ class Live {
     if (frame.scan) this.state.scan = frame.scan;
     if (frame.samples.length) {
       this.samples.push(...frame.samples);
+      this.received += frame.samples.length;
       if (this.samples.length > 6000) this.samples.splice(0, this.samples.length - 5000);
       for (const s of frame.samples) addPoint(this.trail, s[8], s[9]);
     }

@@ -26,7 +26,7 @@ export default {
     const sun = new THREE.DirectionalLight(0xffffff, 1.4);
     sun.position.set(4, -6, 9);
     this.scene.add(sun);
-    const grid = new THREE.GridHelper(40, 80, 0x4a586b, 0x273140);
+    const grid = new THREE.GridHelper(40, 80, 0x5a6b80, 0x36424f);
     grid.rotation.x = Math.PI / 2;
     this.scene.add(grid);
     this.eye = new THREE.PerspectiveCamera(50, 1, 0.02, 200);

@@ -1,0 +1,156 @@
+"""The view for minutes at 200 Hz: does it grow, and does it lose a log sample?
+
+    .venv/bin/python tests/web/soak.py --minutes 10
+
+Two pages look on while runs logged at 200 Hz are driven, fetched and saved one after the other. Memory is the
+resident set of the view's process, and the page's own heap, after a warm-up and at the end.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
+
+import numpy as np
+from playwright.sync_api import Page, sync_playwright
+
+from truing.recording_reader import read_run
+from web.made_runs import VERDICT, made_set
+from web.view_process import ViewProcess
+
+MOST_GROWTH_MB = 10.0
+RATE_HZ = 200
+_RUN_S = 12.0
+_PLAN = f"""title = "Turning on the spot"
+log_rate_hz = {RATE_HZ}
+[[segment]]
+duration_s = {_RUN_S - 2.0}
+velocity_mps = [0.2, -0.2]
+[[segment]]
+duration_s = 2.0
+velocity_mps = [0.0, 0.0]
+"""
+
+
+@dataclass(frozen=True)
+class Soaked:
+    """What came of it.
+
+    Attributes
+    ----------
+    live_hz : samples in a second that reached the page, after the warm-up.
+    growth_mb, page_growth_mb : of the view's process, and of the page's heap.
+    dropped : log records that are missing in the runs.
+    """
+
+    seconds: float
+    live_hz: float
+    growth_mb: float
+    page_growth_mb: float
+    runs: int
+    records: int
+    dropped: int
+
+
+def soak(folder: Path, seconds: float, warm_s: float) -> Soaked:
+    """Look on for so long after the warm-up."""
+    made_set(folder / "recordings/soak")
+    diagnoses = folder / "diagnoses"
+    (diagnoses / "pages").mkdir(parents=True, exist_ok=True)
+    (diagnoses / "recordings-soak.json").write_text(json.dumps(VERDICT))
+    (diagnoses / "recordings-soak.next.toml").write_text(_PLAN)
+    shown = {"heading": "Soak", "sections": [], "has_next": True, "heat": None}
+    (diagnoses / "pages/recordings-soak.json").write_text(json.dumps(shown))
+    view = ViewProcess(folder, "--rate", str(RATE_HZ))
+    try:
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+            watcher, driver = browser.new_page(), browser.new_page()
+            watcher.goto(view.address)
+            driver.goto(view.address + "analysis")
+            driver.bring_to_front()
+            driver.wait_for_function("truing?.live?.state.link?.state === 'connected'", timeout=60_000)
+            driver.get_by_label("Set", exact=True).select_option(label="recordings/soak")
+            _drive(driver, warm_s)
+            before, heap, count = _resident_mb(view.process.pid), _heap_mb(watcher), _samples(watcher)
+            began = time.monotonic()
+            _drive(driver, seconds)
+            spent = time.monotonic() - began
+            rate = (_samples(watcher) - count) / spent
+            grown = _resident_mb(view.process.pid) - before, _heap_mb(watcher) - heap
+            browser.close()
+    finally:
+        view.close()
+    runs, records, dropped = _missing(folder / "recordings/soak/runs")
+    return Soaked(spent, rate, *grown, runs, records, dropped)
+
+
+def _drive(page: Page, seconds: float) -> None:
+    """Run after run, until the time is over and the last one is saved."""
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        page.get_by_role("button", name="Drive the next experiment").click()
+        page.wait_for_function(
+            "['uploading', 'driving'].includes(truing.live.state.task?.stage)", timeout=30_000
+        )
+        page.wait_for_function(
+            "['done', 'failed', 'stopped'].includes(truing.live.state.task?.stage)", timeout=120_000
+        )
+        task = page.evaluate("truing.live.state.task")
+        if task["stage"] != "done":
+            raise RuntimeError(f"the run ended badly: {task}")
+
+
+def _missing(folder: Path) -> tuple[int, int, int]:
+    """Runs, their records, and the records that are not there."""
+    runs = records = dropped = 0
+    for path in sorted(folder.glob("*_next.csv")):
+        t = read_run(path).t_s
+        steps = np.rint(np.diff(t) * RATE_HZ).astype(int)
+        expected = round(_RUN_S * RATE_HZ)
+        runs += 1
+        records += len(t)
+        dropped += int(np.maximum(steps - 1, 0).sum()) + max(0, expected - 1 - int(steps.sum()))
+    return runs, records, dropped
+
+
+def _resident_mb(pid: int) -> float:
+    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+        if line.startswith("VmRSS:"):
+            return int(line.split()[1]) / 1024.0
+    raise RuntimeError("the view is gone")
+
+
+def _heap_mb(page: Page) -> float:
+    session = page.context.new_cdp_session(page)
+    session.send("HeapProfiler.collectGarbage")
+    used = session.send("Runtime.getHeapUsage")["usedSize"]
+    session.detach()
+    return float(used) / 1e6
+
+
+def _samples(page: Page) -> int:
+    return int(page.evaluate("truing.live.received"))
+
+
+def main() -> int:
+    """Soak as long as asked, print the figures, fail beyond the limits."""
+    parser = argparse.ArgumentParser(description="Soak the view at 200 Hz.")
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--warm", type=float, default=60.0, help="seconds before the first measurement")
+    arguments = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        found = soak(Path(folder), 60.0 * arguments.minutes, arguments.warm)
+    print(json.dumps(asdict(found), indent=2))
+    return int(found.dropped > 0 or found.growth_mb > MOST_GROWTH_MB)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

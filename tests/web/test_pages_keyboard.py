@@ -1,0 +1,81 @@
+"""Everything by keyboard alone: pages, tools, canvas, lists, sliders, driving."""
+
+from __future__ import annotations
+
+import pytest
+
+from web.browser_bench import drive_by_key, go, live, speed, wait
+from web.made_runs import made_set
+
+pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
+
+_NAME = """(() => { const e = document.activeElement;
+return [e.tagName, (e.getAttribute('aria-label') || e.textContent || '').trim()]; })()"""
+
+
+@pytest.fixture(autouse=True)
+def runs(bench):
+    return made_set(bench.view.out / "made")
+
+
+def tab_to(page, name, tag=""):
+    """Press Tab until the focus is there."""
+    for _ in range(90):
+        page.keyboard.press("Tab")
+        at, text = page.evaluate(_NAME)
+        if text.startswith(name) and (not tag or at == tag):
+            return
+    pytest.fail(f"Tab never comes to {name!r}")
+
+
+def test_a_wall_is_painted_and_saved_by_keys(page, bench):
+    go(page, "2", "World")
+    wait(lambda: live(page, "state.scan"), "a scan")
+    before = live(page, "state.world")
+    tab_to(page, "Paint", "BUTTON")
+    page.keyboard.press("Enter")
+    tab_to(page, "The world from above", "CANVAS")
+    for key in "iiill":
+        page.keyboard.press(key)
+    page.keyboard.press("Enter")
+    wait(lambda: live(page, "state.world") != before, "a painted spot")
+    tab_to(page, "Save", "BUTTON")
+    page.keyboard.press("Enter")
+    wait((bench.view.out / "maps/room.yaml").exists, "the map's file")
+
+
+def test_a_path_is_driven_uploaded_and_run_by_keys(page):
+    go(page, "3", "Trajectory")
+    page.keyboard.down("ArrowUp")
+    page.wait_for_timeout(700)
+    page.keyboard.up("ArrowUp")
+    tab_to(page, "Upload and run", "BUTTON")
+    page.keyboard.press("Enter")
+    wait(lambda: live(page, "state.task?.stage") == "done", "a finished run", 60.0)
+
+
+def test_lists_and_sliders_are_worked_by_keys(page):
+    go(page, "5", "Error models")
+    tab_to(page, "The paper's", "BUTTON")
+    page.keyboard.press("Enter")
+    tab_to(page, "drift on straight lines, rad/m", "INPUT")
+    page.keyboard.press("ArrowRight")
+    value = page.evaluate("Number(document.activeElement.value)")
+    assert value > -0.2635
+    go(page, "6", "Analysis")
+    tab_to(page, "Run", "SELECT")
+    first = page.evaluate("document.activeElement.value")
+    page.keyboard.press("ArrowUp" if page.evaluate("document.activeElement.selectedIndex") else "ArrowDown")
+    wait(lambda: page.get_by_label("Run", exact=True).input_value() != first, "another run")
+    tab_to(page, "Diagnose this set", "BUTTON")
+
+
+def test_help_driving_and_stop_are_on_keys(page):
+    page.keyboard.press("?")
+    page.get_by_role("dialog").get_by_text("stop, always", exact=False).wait_for()
+    page.keyboard.press("Escape")
+    page.get_by_role("dialog").wait_for(state="hidden")
+    drive_by_key(page)
+    page.keyboard.press("Space")
+    wait(lambda: speed(page) < 0.02, "standstill")
+    page.keyboard.up("ArrowUp")
