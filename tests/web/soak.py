@@ -78,6 +78,9 @@ def soak(folder: Path, seconds: float, warm_s: float) -> Soaked:
             driver.bring_to_front()
             driver.wait_for_function("truing?.live?.state.link?.state === 'connected'", timeout=60_000)
             driver.get_by_label("Set", exact=True).select_option(label="recordings/soak")
+            # The page's first drawing takes its time, and a driver's page that is silent loses the wheel.
+            driver.wait_for_selector(".js-plotly-plot .trace", timeout=60_000)
+            driver.wait_for_timeout(3000)
             _drive(driver, warm_s)
             before, heap, count = _resident_mb(view.process.pid), _heap_mb(watcher), _samples(watcher)
             began = time.monotonic()
