@@ -26,7 +26,7 @@ SHORT = Plan(
 )
 
 MEDIUM = Plan(
-    "medium", "medium", (Segment(Kind.VELOCITY, 4.0, 0.4, 0.3), Segment(Kind.EFFORT, 0.5, 0.0, 0.0)), 200
+    "medium", "medium", (Segment(Kind.EFFORT, 2.0, 0.4, 0.3), Segment(Kind.EFFORT, 0.5, 0.0, 0.0)), 200
 )
 
 
@@ -40,7 +40,7 @@ def test_a_plan_goes_up_and_its_log_comes_down_byte_for_byte(
 ) -> None:
     with CanChain(image, bit_rate=bit_rate) as chain:
         device = chain.host()
-        driven = drive(device, Plan("long", "long", 8 * DEMO_PLAN.segments, log_rate_hz=200))
+        driven = drive(device, Plan("long", "long", DEMO_PLAN.segments, log_rate_hz=200))
         log = device.log(driven.log_id)
         before, began = chain.bus.totals(), chain.bus.time_s
         data, report = device.read_log(log)
@@ -99,6 +99,14 @@ def test_two_boards_on_one_bus_are_told_apart(image: Path, native_library: Path)
         counts = [device.client.request(tp.StatusRequest()).counts for device in (first, second)]
         assert min(counts[0]) > 100
         assert counts[1] == (0, 0)
+
+
+def test_two_boards_with_one_number_are_both_found(image: Path, native_library: Path) -> None:
+    with CanChain(image, boards=2) as chain:
+        chain.serial_host(chain.robots[1]).set_parameter("can_node", 1)
+        nodes = discover(SimulatedBus(chain.bus))
+        assert [node.node for node in nodes] == [1, 1]
+        assert len({node.board for node in nodes}) == 2
 
 
 def test_one_frame_stops_all_boards(image: Path, native_library: Path) -> None:
