@@ -375,6 +375,10 @@ static void run_engine(struct board *b)
     b->at_block = false;
     b->trap = TRAP_NONE;
     b->fault_seen = false;
+    if ((core_get(b, UC_ARM_REG_PC) | 1u) == (NO_END | 1u)) { /* an erased vector: the engine ends at once */
+        exception_fault(b, EXC_BUS_FAULT, 1u << 8, NO_END);
+        return;
+    }
     uc_err error = uc_emu_start(b->uc, core_get(b, UC_ARM_REG_PC) | 1u, NO_END, 0, 0);
     uint32_t pc = core_get(b, UC_ARM_REG_PC);
     if (b->at_block && !b->fault_seen) {

@@ -88,6 +88,15 @@ def test_a_fault_in_the_hard_fault_handler_locks_the_core_up(board):
     assert any("locked up" in w.text for w in b.warnings())
 
 
+def test_a_chip_with_erased_flash_locks_up_and_drives_no_pin(board):
+    b = board("faults")
+    b.write_flash(0x08000000, b"\xff" * 0x4000)
+    b.power_cycle()
+    b.run_us(1000)
+    assert b.stats().locked_up
+    assert b.bridge(0) == (-1.0, -1.0)
+
+
 def test_systick_ticks_every_millisecond_of_the_core_clock(board):
     b = board("peripherals")
     b.run_us(5000)
