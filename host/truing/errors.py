@@ -95,6 +95,12 @@ class PortError(TruingError):
     exit_code = 1
 
 
+class FlashError(TruingError):
+    """An image did not get onto a chip: no tool, no probe, another chip, or flash that did not take it."""
+
+    exit_code = 1
+
+
 class LinkError(TruingError):
     """The link to the board failed: it went silent, closed, or kept corrupting frames."""
 

@@ -24,6 +24,7 @@ COMMANDS: dict[str, str] = {
     "board": "Start a virtual board for other programs to connect to.",
     "ports": "List where a board may be.",
     "info": "Say who the board is and how it is.",
+    "flash": "Write the firmware image to a board, and verify it.",
     "check": "First power-up: find wires and settings that are wrong.",
     "run": "Drive a plan, fetch its log, write it as a run.",
     "step": "Drive one quick step and identify it.",

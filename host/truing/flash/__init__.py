@@ -1,0 +1,1 @@
+"""Writing firmware to a board: what an image is (`image`), the tools (`tools`), the order (`write`)."""

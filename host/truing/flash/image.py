@@ -1,0 +1,155 @@
+"""What an image is for and made of, read from the image itself: its name, its vector table, its places."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+from truing.errors import FileError
+
+_NEXT = "`./run setup` builds the image for the STM32F405"
+_NAME_LENGTH = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Chip:
+    """A chip that truing has an image for.
+
+    Parameters
+    ----------
+    image_name : what its images carry behind their vectors.
+    device_id : DBGMCU_IDCODE bits 11 to 0, and what the ROM loader reports (RM0090 38.6.1, AN2606).
+    vectors : words of the vector table, the initial stack pointer included.
+    memories : address and size of what the stack may lie in.
+    kept : first address of the parameters, and the first behind them; no image may touch them.
+    """
+
+    image_name: str
+    title: str
+    device_id: int
+    flash: tuple[int, int]
+    vectors: int
+    memories: tuple[tuple[int, int], ...]
+    kept: tuple[int, int]
+
+
+CHIPS = (
+    Chip(
+        image_name="truing-f405",
+        title="STM32F405",
+        device_id=0x413,
+        flash=(0x0800_0000, 1 << 20),
+        vectors=16 + 82,
+        memories=((0x2000_0000, 128 << 10), (0x1000_0000, 64 << 10)),
+        kept=(0x0800_4000, 0x0800_C000),
+    ),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """Bytes that lie together in flash."""
+
+    address: int
+    data: bytes
+
+    @property
+    def end(self) -> int:
+        """The first address behind it."""
+        return self.address + len(self.data)
+
+
+@dataclass(frozen=True, slots=True)
+class Image:
+    """An image that has been found fit for its chip; the vectors are the first of its parts."""
+
+    path: Path
+    chip: Chip
+    version: str
+    parts: tuple[Part, ...]
+
+    @property
+    def size(self) -> int:
+        """Bytes to be written."""
+        return sum(len(part.data) for part in self.parts)
+
+
+def read_image(path: Path) -> Image:
+    """Read an ELF file and judge it by its name, its vectors and where its parts lie.
+
+    Raises
+    ------
+    FileError : it is no image for a board that truing knows, or one that could not start there.
+    """
+    parts = _parts(path)
+    vectors = parts[0]
+    for chip in CHIPS:
+        found = vectors.data[4 * chip.vectors :][:_NAME_LENGTH].split(b"\0")[0]
+        if vectors.address == chip.flash[0] and found.startswith(chip.image_name.encode() + b" "):
+            problem = _problem(chip, parts)
+            if problem:
+                raise FileError(path, problem, _NEXT)
+            version = found.decode("ascii", "replace").partition(" ")[2]
+            return Image(path, chip, version, tuple(parts))
+    known = ", ".join(chip.image_name for chip in CHIPS)
+    carried = _name_anywhere(parts)
+    what = f"is an image named {carried!r}" if carried else "carries no name behind its vectors"
+    raise FileError(path, f"{what}; truing flashes {known}", _NEXT)
+
+
+def _parts(path: Path) -> list[Part]:
+    from elftools.common.exceptions import ELFError
+    from elftools.elf.elffile import ELFFile
+
+    try:
+        with path.open("rb") as file:
+            elf = ELFFile(file)
+            if elf.get_machine_arch() != "ARM" or elf.elfclass != 32 or not elf.little_endian:
+                raise FileError(path, f"is a program for {elf.get_machine_arch()}, not for a Cortex-M", _NEXT)
+            pieces = sorted(
+                (segment["p_paddr"], segment.data())
+                for segment in elf.iter_segments("PT_LOAD")
+                if segment["p_filesz"]
+            )
+    except OSError as error:
+        raise FileError(path, f"cannot be read ({error.strerror})", _NEXT) from error
+    except ELFError as error:
+        raise FileError(path, f"is not an ELF file ({error})", "give the .elf file of the build") from error
+    parts: list[Part] = []
+    for address, data in pieces:
+        if parts and parts[-1].end <= address < parts[-1].end + 16:
+            gap = b"\xff" * (address - parts[-1].end)
+            parts[-1] = Part(parts[-1].address, parts[-1].data + gap + data)
+        else:
+            parts.append(Part(address, data))
+    if not parts:
+        raise FileError(path, "holds nothing to be written", _NEXT)
+    return parts
+
+
+def _name_anywhere(parts: list[Part]) -> str:
+    begin = parts[0].data.find(b"truing-")
+    name = parts[0].data[begin:][:_NAME_LENGTH].split(b"\0")[0] if begin >= 0 else b""
+    return name.decode("ascii", "replace")
+
+
+def _problem(chip: Chip, parts: list[Part]) -> str:
+    """Why a chip could not take these parts, or not start with them; empty when it could."""
+    start, size = chip.flash
+    for part in parts:
+        where = f"its bytes at 0x{part.address:08x} to 0x{part.end - 1:08x}"
+        if part.address < start or part.end > start + size:
+            return f"{where} lie outside the flash of an {chip.title}"
+        if part.address < chip.kept[1] and part.end > chip.kept[0]:
+            return f"{where} would overwrite the stored parameters"
+    if any(after.address < before.end for before, after in pairwise(parts)):
+        return "its parts overlap"
+    stack, *vectors = struct.unpack_from(f"<{chip.vectors}I", parts[0].data)
+    if stack % 8 or not any(base < stack <= base + length for base, length in chip.memories):
+        return f"its stack begins at 0x{stack:08x}, where an {chip.title} has no memory"
+    for number, vector in enumerate(vectors, start=1):
+        if not vector & 1 or not any(part.address <= vector < part.end for part in parts):
+            return f"its vector {number}, 0x{vector:08x}, leads to no code of this image"
+    return ""

@@ -1,0 +1,88 @@
+"""The order in which an image gets onto a chip: right chip, no program, code, vectors; each read back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from truing.errors import FlashError
+from truing.flash.image import Image, Part
+from truing.flash.tools import ChipSeen, Tool
+
+# What the ids of RM0090 38.6.1 and of AN2606's table stand for: the parts that are most often at hand.
+_DEVICES = {
+    0x410: "STM32F103",
+    0x411: "STM32F2",
+    0x413: "STM32F405 or F407",
+    0x419: "STM32F42x or F43x",
+    0x421: "STM32F446",
+    0x422: "STM32F303",
+    0x423: "STM32F401",
+    0x431: "STM32F411",
+    0x433: "STM32F401",
+    0x440: "STM32F05x",
+    0x449: "STM32F74x",
+    0x450: "STM32H74x",
+}
+# Stack and start at address 0: a chip that starts from these locks up with its pins floating.
+_NO_PROGRAM = bytes(8)
+
+
+def device_name(device_id: int) -> str:
+    """A chip's id, and what it stands for."""
+    return f"0x{device_id:03x} ({_DEVICES.get(device_id, 'unknown to truing')})"
+
+
+def check_chip(image: Image, seen: ChipSeen) -> None:
+    """Refuse a chip that the image is not for.
+
+    Raises
+    ------
+    FlashError : another chip, or too little flash.
+    """
+    if seen.device_id != image.chip.device_id:
+        raise FlashError(
+            f"{image.path.name} is for an {image.chip.title} (0x{image.chip.device_id:03x}), "
+            f"and this chip is {device_name(seen.device_id)}; nothing was written",
+            "is it the right board?",
+        )
+    needed = image.parts[-1].end - image.chip.flash[0]
+    if seen.flash_kib is not None and needed > seen.flash_kib << 10:
+        raise FlashError(
+            f"{image.path.name} needs {needed >> 10} KiB of flash, and this chip has {seen.flash_kib}; "
+            "nothing was written"
+        )
+
+
+def write_image(
+    tool: Tool, image: Image, say: Callable[[str], None], progress: Callable[[float], None] = lambda _: None
+) -> None:
+    """Write an image and read all of it back.
+
+    The vectors go first, as words that start nothing, and last, as they are: a chip whose flashing was cut
+    off in between runs no half of a program.
+
+    Raises
+    ------
+    FlashError : the tool failed, or flash does not hold what was written.
+    """
+    vectors, *code = image.parts
+    _write_one(tool, Part(vectors.address, _NO_PROGRAM))
+    done = 0
+    for part in (*code, vectors):
+        _write_one(tool, part)
+        done += len(part.data)
+        progress(done / image.size)
+        say(f"0x{part.address:08x}: {len(part.data)} bytes written and read back")
+    tool.start()
+
+
+def _write_one(tool: Tool, part: Part) -> None:
+    tool.write(part)
+    held = tool.read(part.address, len(part.data))
+    if held != part.data:
+        pairs = zip(held, part.data, strict=False)
+        at = next((i for i, (a, b) in enumerate(pairs) if a != b), min(len(held), len(part.data)))
+        raise FlashError(
+            f"flash at 0x{part.address + at:08x} does not hold what was written",
+            "leave the motors' supply off and run it again; if it stays so, flash is worn or protected",
+        )
