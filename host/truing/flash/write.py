@@ -48,7 +48,7 @@ def check_chip(image: Image, seen: ChipSeen) -> None:
     needed = image.parts[-1].end - image.chip.flash[0]
     if seen.flash_kib is not None and needed > seen.flash_kib << 10:
         raise FlashError(
-            f"{image.path.name} needs {needed >> 10} KiB of flash, and this chip has {seen.flash_kib}; "
+            f"{image.path.name} needs {-(-needed >> 10)} KiB of flash, and this chip has {seen.flash_kib}; "
             "nothing was written"
         )
 
