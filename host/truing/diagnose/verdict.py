@@ -21,6 +21,9 @@ from truing.diagnose.search import Search
 # An effect is accused beyond this many nats, also without the moment that speaks for it most. With 27
 # effects of up to four numbers tried, 10 nats come by chance less than once in a thousand sets.
 SURE_GAIN = 10.0
+# A moment is evidence where it says this much: no knock is told so well by numbers that say nothing
+# everywhere else. What the numbers leave of it is weighed as any other rest.
+LOUD_GAIN = 150.0
 LEAST_FIRST = 0.2
 # A second effect must be worth more: a first one that is finer than its equation leaves a remainder.
 LEAST_SECOND, SECOND_SHARE = 0.4, 0.15
@@ -103,7 +106,8 @@ def choose(search: Search, base: Fit) -> Fit:
 def accused(search: Search, one: Fit, other: Fit, least: float) -> bool:
     """Whether `one` is surely and materially better."""
     more = search.better(one, other)
-    return more.spread > SURE_GAIN and more.times_noise > least
+    sure = more.spread > SURE_GAIN or more.gain > LOUD_GAIN
+    return sure and more.times_noise > least
 
 
 def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:

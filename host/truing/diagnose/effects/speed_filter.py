@@ -1,6 +1,6 @@
 """The recorded speed lags the encoder's own counts: a filter in the recorder.
 
-    L dy/dt = v - y;  the row holds the mean of y over its interval
+    L dy/dt = v - y;  the row holds y at its time, or the mean of y over its interval
 
 The robot is as the baseline says; the *signal* differs. Motor controllers average their speed over 50 to
 200 ms (measured on real recordings: 60 ms on one family, 160 to 200 ms on another); a first-order lag
@@ -49,8 +49,12 @@ def after_step(
     return end + (state - start) * math.exp(-1.0 / share)
 
 
-def measure(increment: float, state: float, state_before: float, time_constant: float) -> float:
-    """The integral of the filter's output over the row."""
+def measure(
+    increment: float, state: float, state_before: float, time_constant: float, instant: float, dt: float
+) -> float:
+    """The filter's output, read at the row's time or integrated over the row."""
+    if instant > 0.5:
+        return state * dt
     return increment - time_constant * (state - state_before)
 
 
@@ -76,7 +80,10 @@ def direct_lag(data: SetData) -> DirectLag | None:
         return None
 
     def rms(lag: float) -> float:
-        difference = (reported - _filtered(positions, data, lag))[data.judged]
+        return min(left(filtered) for filtered in _filtered(positions, data, lag))
+
+    def left(filtered: FloatArray) -> float:
+        difference = (reported - filtered)[data.judged]
         # Recorders repeat and reset positions: the middle of the differences counts, not the spikes.
         return float(1.4826 * np.median(np.abs(difference[np.abs(positions[data.judged]) > 0.0])))
 
@@ -88,18 +95,20 @@ def direct_lag(data: SetData) -> DirectLag | None:
     return DirectLag(float(lags[best]), sizes[best], sizes[0])
 
 
-def _filtered(speed: FloatArray, data: SetData, lag: float) -> FloatArray:
+def _filtered(speed: FloatArray, data: SetData, lag: float) -> tuple[FloatArray, FloatArray]:
+    """Mean speeds of the rows (n, 2) through the filter: means of its output, and its output at each row."""
     if lag <= 0.0:
-        return speed
-    out = np.empty_like(speed)
+        return speed, speed
+    mean, instant = np.empty_like(speed), np.empty_like(speed)
     for a, b in pairwise(data.starts):
         y = speed[a].copy()
-        out[a] = y
+        mean[a] = instant[a] = y
         for row in range(a + 1, b):
             after = speed[row] + (y - speed[row]) * math.exp(-data.dt_s[row] / lag)
-            out[row] = speed[row] - lag * (after - y) / data.dt_s[row]
+            mean[row] = speed[row] - lag * (after - y) / data.dt_s[row]
             y = after
-    return out
+            instant[row] = y
+    return mean, instant
 
 
 def told_apart(data: SetData) -> bool:
@@ -130,7 +139,10 @@ EFFECT = Effect(
         "driver_lag": "a log with counts beside the recorder's speed, or a hand-pushed run",
         "input_delay": "a log with counts beside the recorder's speed",
     },
-    parameters=(Parameter("time_constant", "s", 0.0, 1.0, 0.0, (0.03, 0.1)),),
+    parameters=(
+        Parameter("time_constant", "s", 0.0, 1.0, 0.0, (0.03, 0.1)),
+        Parameter("instant", "1", 0.0, 1.0, 0.0, (1.0, 0.0), nuisance=True, scan=True),
+    ),
     needs=("vel",),
     exercised=_exercised,
     evidence=_evidence,
