@@ -101,7 +101,7 @@ def test_what_a_diagnosis_found_is_dropped_in_and_turned(page, bench):
     page.locator(".drop-zone input").set_input_files(file)
     slider = page.get_by_role("slider", name="coulomb friction: left, effort")
     slider.wait_for()
-    wait(lambda: end_of(page, "Simulated (model)"), "its simulation", 60.0)
+    wait(lambda: end_of(page, "Simulated (model)"), "its simulation", 150.0)
     before = end_of(page, "Simulated (model)")
     assert abs(before[1]) < 0.5
     slider.evaluate("e => { e.value = 0.12; e.dispatchEvent(new Event('input')); }")

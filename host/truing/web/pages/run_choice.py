@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+
+from nicegui import background_tasks, context
 
 from truing.web.elements import Pick, tag
 from truing.web.run_library import FoundSet, find_sets
@@ -26,6 +29,7 @@ class RunChoice:
         self.sets: dict[str, FoundSet] = {}
         self.run: Path | None = None
         self._on_change = on_change
+        self._client = context.client
         with tag("div", classes="picks"):
             self._set = Pick("Set", _NO_SETS, "", lambda _: self._chose_set())
             self._run = Pick("Run", {"": "–"}, "", lambda _: self._chose_run())
@@ -42,8 +46,18 @@ class RunChoice:
         return "" if home is None else home.name
 
     def find(self, chosen: Path | None = None) -> None:
-        """Look for runs on disk; choose one, or the newest."""
-        found = find_sets(self.session.run_folder.parent)
+        """Look for runs on disk; choose one, or the newest.
+
+        A folder may hold thousands of files, and whoever drives must not wait for them.
+        """
+        background_tasks.create(self._find(chosen))
+
+    async def _find(self, chosen: Path | None) -> None:
+        found = await asyncio.to_thread(find_sets, self.session.run_folder.parent)
+        with self._client:
+            self._show(found, chosen)
+
+    def _show(self, found: list[FoundSet], chosen: Path | None) -> None:
         self.sets = {str(one.path): one for one in found}
         if not found:
             return

@@ -107,6 +107,11 @@ class Live {
   }
 
   _showSlow(state) {
+    const here = document.querySelector("nav a[aria-current]");
+    if (here && here !== this._here) { // on a narrow screen the bar of pages scrolls
+      this._here = here;
+      here.scrollIntoView({ inline: "nearest", block: "nearest" });
+    }
     if (state.link) this._showLink(state.link);
     this._showBoard(state.board);
     this._showTask(state.task);
