@@ -1,0 +1,63 @@
+"""Between two rows the effort holds or runs on smoothly, and the speeds say which."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from support.simulated_runs import GAIN, RATE, RICH, TAU, levels, recordings
+from truing.diagnose.between_rows import doubt_of_courses, smoothed, with_courses
+from truing.diagnose.data import SetData
+
+FAST_HZ = 2.0
+
+
+def course(t: np.ndarray) -> np.ndarray:
+    """A quick sine of effort, shape (n, 2)."""
+    return 0.5 * np.sin(2.0 * np.pi * FAST_HZ * t)[:, None] * np.ones((1, 2))
+
+
+def driven(smooth: bool) -> SetData:
+    """Two wheels driven by the sine, or by its row means; speeds and efforts as means over each row."""
+    rows, parts = 200, 100
+    dt = 1.0 / RATE / parts
+    t = np.arange(rows * parts) * dt + 0.5 * dt
+    inside = course(t)
+    effort = inside.reshape(rows, parts, 2).mean(axis=1)
+    if not smooth:
+        inside = np.repeat(effort, parts, axis=0)
+    v = np.zeros((len(t), 2))
+    for k in range(1, len(t)):
+        v[k] = v[k - 1] + dt / TAU * (GAIN * inside[k] - v[k - 1])
+    speed = v.reshape(rows, parts, 2).mean(axis=1)
+    still = np.zeros((1, 2))
+    return recordings((np.concatenate((still, effort)),), (np.concatenate((still, speed)),))
+
+
+@pytest.mark.parametrize("smooth", [True, False])
+def test_the_speeds_say_whether_a_quick_effort_was_held(smooth: bool) -> None:
+    data = driven(smooth)
+    chosen = with_courses(data)
+    assert (len(chosen.pieces[0].end_s) > len(data.pieces[0].end_s)) == smooth
+
+
+def test_a_smooth_course_keeps_the_mean_of_every_row() -> None:
+    data = driven(True)
+    for wheel, pieces in enumerate(smoothed(data, [0]).pieces):
+        width = np.diff(pieces.end_s, prepend=-1.0 / RATE)
+        row = np.minimum(np.searchsorted(data.t_s, pieces.end_s - 1e-9), len(data) - 1)
+        mean = np.bincount(row, pieces.effort * width) / np.bincount(row, width)
+        np.testing.assert_allclose(mean, data.effort[:, wheel], atol=1e-9)
+
+
+def test_steps_are_left_as_they_are() -> None:
+    data = recordings(RICH)
+    assert with_courses(data) is data
+    assert not doubt_of_courses(data).any()
+
+
+def test_the_doubt_is_where_the_courses_part() -> None:
+    effort = np.concatenate((levels((0.5, 0.5), seconds=3.0), driven(True).effort[1:]))
+    doubt = doubt_of_courses(recordings((effort,)))
+    assert doubt[:60].max() < 1e-9
+    assert doubt[80:].max() > 1e-3

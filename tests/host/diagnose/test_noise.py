@@ -1,0 +1,71 @@
+"""The noise is read from what a model leaves over: its size, and no more memory than a wheel has."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import lfilter
+
+from truing.diagnose.noise import Noise, estimate_noise, lag_index, lags_for, whiten
+
+ROWS, INTERVAL_S = 6000, 0.05
+STARTS = np.arange(0, ROWS + 1, 300)
+COUNTED = np.ones((ROWS, 2))
+FLOOR = np.full(2, 1e-5)
+
+
+def remembered(memory: float, seed: int = 3) -> np.ndarray:
+    """Noise of RMS 1 cm/s on both wheels that keeps `memory` of itself from row to row."""
+    white = np.random.default_rng(seed).normal(size=(ROWS, 2)) * 0.01 * np.sqrt(1.0 - memory**2)
+    return np.asarray(lfilter([1.0], [1.0, -memory], white, axis=0))
+
+
+def estimated(residual: np.ndarray, fade_s: float) -> Noise:
+    return estimate_noise(residual, COUNTED, STARTS, INTERVAL_S, np.full(2, fade_s), FLOOR)
+
+
+def whitened(noise: Noise, residual: np.ndarray) -> np.ndarray:
+    return whiten(noise, residual, COUNTED, lag_index(STARTS, ROWS, lags_for(INTERVAL_S)))
+
+
+def test_noise_of_a_known_memory_is_found_and_whitened() -> None:
+    residual = remembered(0.6)
+    noise = estimated(residual, 20.0)
+    np.testing.assert_allclose(noise.rms, 0.01, rtol=0.06)
+    np.testing.assert_allclose(noise.lags[:, 0], 0.6, atol=0.05)
+    white = whitened(noise, residual)
+    np.testing.assert_allclose(white.std(axis=0), 1.0, atol=0.03)
+    for wheel in range(2):
+        assert abs(np.corrcoef(white[1:, wheel], white[:-1, wheel])[0, 1]) < 0.05
+
+
+def test_a_slow_error_of_the_model_keeps_its_weight_beside_the_noise() -> None:
+    slow = 0.1 * np.sin(2.0 * np.pi * np.arange(ROWS) / 400.0)[:, None] * np.ones((1, 2))
+    residual = remembered(0.3) + slow
+    bounded, unbounded = estimated(residual, 0.6), estimated(residual, 1e6)
+    weight = [float(np.sum(whitened(noise, slow) ** 2)) for noise in (bounded, unbounded)]
+    assert weight[0] > 3.0 * weight[1]
+    assert np.all(bounded.memory_s < 0.7)
+
+
+def test_noise_never_falls_below_what_the_sensor_resolves() -> None:
+    noise = estimate_noise(
+        np.zeros((ROWS, 2)), COUNTED, STARTS, INTERVAL_S, np.full(2, 0.6), np.array([0.004, 0.002])
+    )
+    np.testing.assert_allclose(noise.rms, [0.004, 0.002])
+    assert np.all(noise.sigma > 0.0)
+
+
+def test_rows_that_are_not_counted_say_nothing() -> None:
+    residual, counted = remembered(0.3), COUNTED.copy()
+    residual[1000:2000] += 5.0
+    counted[1000:2000] = 0.0
+    noise = estimate_noise(residual, counted, STARTS, INTERVAL_S, np.full(2, 20.0), FLOOR)
+    np.testing.assert_allclose(noise.rms, 0.01, rtol=0.08)
+
+
+def test_fast_recordings_look_as_far_back_as_slow_ones() -> None:
+    for interval_s in (0.05, 0.02, 0.005):
+        lags = lags_for(interval_s)
+        assert len(lags) <= 8
+        assert lags[0] == 1
+        np.testing.assert_allclose(lags[-1] * interval_s, 0.3, atol=0.02)
