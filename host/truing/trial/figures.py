@@ -126,6 +126,8 @@ def figures(scores: Sequence[Score]) -> list[Figure]:
         share_of(
             "outside: `unexplained`, place right", [e.right and bool(e.place_right) for e in outside], 0.80
         ),
+        median_of("outside: spans' share of what no refit takes away", _value(outside, "left_covered"), None),
+        median_of("outside: share of the spans that is that", _value(outside, "left_share"), None),
         share_of("effective parameter inside its 95 % interval", inside, 0.90, upper=0.99),
         median_of("gap closed, other excitation", _value(one + two, "gap_closed"), 0.9),
         median_of("gap closed from the refitted baseline", _value(one + two, "gap_closed_refitted"), None),

@@ -49,6 +49,8 @@ class Measured:
     covered : share of the effect's energy in the spans.
     effect_share : share of the spans' cells that are among those that hold 95 % of the effect's energy.
     effect_energy : share of the energy in the spans that is the effect's, the rest being noise.
+    left_covered, left_share : `covered` and `effect_share` of what the refitted baseline leaves of noise-free
+        output, for effects outside the catalogue: more than that no recording shows.
     rival, rival_distance : the rival that comes nearest to the hidden effect on noise-free output, and the
         whitened norm of what it misses there.
     opinions : what the other methods name.
@@ -65,6 +67,8 @@ class Measured:
     covered: float | None = None
     effect_share: float | None = None
     effect_energy: float | None = None
+    left_covered: float | None = None
+    left_share: float | None = None
     rival: str = ""
     rival_distance: float | None = None
     opinions: dict[str, list[str]] = field(default_factory=dict)
@@ -90,7 +94,8 @@ def measure(bench: Bench, diagnosis: Diagnosis) -> Measured:
         opinions=told,
     )
     if not known:
-        return _with(figures, harm=_harm(bench, diagnosis))
+        left = _left_places(bench, diagnosis)
+        return _with(figures, harm=_harm(bench, diagnosis), left_covered=left[0], left_share=left[1])
     hints = _hints(bench.on_clean, diagnosis)
     ideal = bench.effective(hints)
     ceiling = bench.ceiling(ideal)
@@ -263,13 +268,29 @@ def _speed_places(
     effect = (truth.recorded - truth.plain_recorded)[at] ** 2
     effect[~data.judged] = 0.0
     noise = (data.speed_mps - bench.clean.speed_mps) ** 2
-    inside = np.zeros_like(effect, dtype=bool)
+    return _shares(effect, noise, _cells(bench, spans))
+
+
+def _left_places(bench: Bench, diagnosis: Diagnosis) -> tuple[float | None, float | None, float | None]:
+    """The places beside what the refitted baseline leaves of noise-free output."""
+    if not bench.names or not diagnosis.mismatch:
+        return None, None, None
+    left = (bench.clean.speed_mps - bench.base(bench.on_clean).residual.speeds) ** 2
+    left[~bench.clean.judged] = 0.0
+    noise = (bench.real.speed_mps - bench.clean.speed_mps) ** 2
+    return _shares(left, noise, _cells(bench, diagnosis.mismatch))
+
+
+def _cells(bench: Bench, spans: tuple[MismatchSpan, ...]) -> npt.NDArray[np.bool_]:
+    """Rows by wheel that lie in spans, shape (n, 2)."""
+    data = bench.real
+    inside = np.zeros(data.speed_mps.shape, dtype=bool)
     for span in spans:
         if span.signal in SPEED_SIGNALS and span.run in data.names:
             rows = (data.run_of_row == data.names.index(span.run)) & data.judged
             rows &= (data.t_s > span.t_start_s - 1e-9) & (data.t_s <= span.t_end_s + 1e-9)
             inside[rows, SPEED_SIGNALS.index(span.signal)] = True
-    return _shares(effect, noise, inside)
+    return inside
 
 
 def _pose_places(
