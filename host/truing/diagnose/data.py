@@ -27,7 +27,7 @@ AT_REST_SHARE = 0.01
 
 # Poses are judged over windows of this length, s: an error of odometry shows over a second, a delay of a
 # command over less.
-POSE_HORIZON_S, COMMANDED_HORIZON_S = 1.0, 0.25
+POSE_HORIZON_S, COMMANDED_HORIZON_S = 2.0, 0.25
 
 # Standard gravity, m/s^2.
 GRAVITY = 9.80665

@@ -116,13 +116,14 @@ def trial_points(effect: Effect) -> list[tuple[dict[str, float], list[tuple[str,
 
     Parameters that are scanned or that only shape the effect take all their starting values; amplitudes
     take theirs one after the other. Amplitudes of either sign (sine and cosine, the axes of a slope) are
-    linear: one value each, and each a group of its own.
+    linear: one value each, and each a group of its own. In the pose the wheels do not part by themselves:
+    there each wheel's number is a group of its own.
     """
     grid = [p for p in effect.parameters if p.scan or p.nuisance]
     amplitudes = [p for p in effect.parameters if not (p.scan or p.nuisance)]
     kinds: dict[str, list[str]] = {}
     for p in amplitudes:
-        kinds.setdefault(_kind(p) if signed(p) else "amplitude", []).append(p.name)
+        kinds.setdefault(_group(effect, p), []).append(p.name)
     groups = [tuple(names) for names in kinds.values()] or [tuple(p.name for p in grid if p.scan)]
     depth = max((len(p.starts) for p in amplitudes if not signed(p)), default=1)
     points = []
@@ -141,6 +142,12 @@ def signed(parameter: Parameter) -> bool:
 
 def _signed(effect: Effect, owner: tuple[str, ...]) -> bool:
     return all(signed(p) for p in effect.parameters if p.name in owner)
+
+
+def _group(effect: Effect, parameter: Parameter) -> str:
+    if effect.domain != "wheel" and parameter.wheel is not None:
+        return parameter.name
+    return _kind(parameter) if signed(parameter) else "amplitude"
 
 
 def _kind(parameter: Parameter) -> str:

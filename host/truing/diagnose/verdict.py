@@ -111,14 +111,19 @@ def accused(search: Search, one: Fit, other: Fit, least: float) -> bool:
 
 
 def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
-    """Fits with as many effects that the recordings cannot tell from the best, best first."""
+    """Fits with as many effects that the recordings cannot tell from the best, best first.
+
+    A rival would be accused if the best were not there: what hardly bends the signals explains nothing.
+    """
     out = []
+    base = search.fits[()]
     for other in search.ranked(len(best.effects)):
         if set(other.effects) == set(best.effects):
             continue
         ahead = search.better(best, other)
         close = ahead.spread < RIVAL_GAIN or ahead.times_noise < RIVAL_TIMES
-        if close and not _only_richer(search, best, other):
+        named = accused(search, other, base, LEAST_FIRST)
+        if close and named and not _only_richer(search, best, other):
             out.append(other)
     return tuple(out[: MOST_RIVALS - 1])
 
