@@ -335,6 +335,41 @@ static struct refusal answer_can_state(struct controller *controller, const stru
     return expect_empty(request);
 }
 
+static struct refusal answer_stream_start(struct controller *controller, const struct frame *request,
+                                          struct reply *reply)
+{
+    struct telemetry *const telemetry = &controller->robot.telemetry;
+    struct proto_stream_start_request in;
+    if (!proto_stream_start_request_decode(&in, request->payload, request->payload_length)) {
+        return bad_length(request);
+    }
+    const struct refusal verdict = telemetry_start(telemetry, in.signals, in.rate_hz);
+    const struct proto_stream_start_reply out = {
+        .stream_id = telemetry->stream_id,
+        .capacity = (uint16_t)telemetry->capacity,
+    };
+    reply->length = proto_stream_start_reply_encode(&out, reply->bytes, reply->capacity);
+    return verdict;
+}
+
+static struct refusal answer_stream_read(struct controller *controller, const struct frame *request,
+                                         struct reply *reply)
+{
+    const struct telemetry *const telemetry = &controller->robot.telemetry;
+    struct proto_stream_read_request in;
+    if (!proto_stream_read_request_decode(&in, request->payload, request->payload_length)) {
+        return bad_length(request);
+    }
+    struct proto_stream_read_reply out = {.stream_id = telemetry->stream_id, .first = in.first};
+    /* Samples are written straight into the reply, behind the place of its fixed part. */
+    const size_t length =
+        telemetry_read(telemetry, &out.first, in.most, reply->bytes + PROTO_STREAM_READ_REPLY_SIZE,
+                       reply->capacity - PROTO_STREAM_READ_REPLY_SIZE);
+    out.end = telemetry->end;
+    reply->length = proto_stream_read_reply_encode(&out, reply->bytes, reply->capacity) + length;
+    return accepted();
+}
+
 /* Whatever a stop carries and however often it comes, the dispatcher has already obeyed it. */
 static struct refusal answer_stop(struct controller *controller, const struct frame *request,
                                   struct reply *reply)
@@ -371,6 +406,8 @@ static const struct entry entries[] = {
     {PROTO_ID_SET_VELOCITY, false, answer_set_velocity},
     {PROTO_ID_STOP, false, answer_stop},
     {PROTO_ID_CAN_STATE, false, answer_can_state},
+    {PROTO_ID_STREAM_START, false, answer_stream_start},
+    {PROTO_ID_STREAM_READ, true, answer_stream_read},
 };
 
 _Static_assert(PROTO_PARAM_LIST_REPLY_SIZE <= PROTO_HELLO_REPLY_SIZE, "a hello is the longest short reply");

@@ -36,6 +36,7 @@ void robot_init(struct robot *robot, uint32_t boot_faults)
     robot->speeds_stale = true; /* how long ago this sample was taken, nobody knows */
     log_feed_init(&robot->feed);
     log_init(&robot->log);
+    telemetry_init(&robot->telemetry);
 }
 
 /* Counts from `then` to `now`, forward positive. */
@@ -101,6 +102,11 @@ static void view_command(const struct robot *robot, struct recorder_view *view)
     view->record.cmd_right = drive_logged_command(&robot->drive, 1);
 }
 
+static int16_t speed_mmps(const struct robot *robot, int wheel)
+{
+    return (int16_t)round_to_i32(clampf(robot->view.speed_mps[wheel] * 1000.0f, -32768.0f, 32767.0f));
+}
+
 static void view_sensors(const struct robot *robot, struct recorder_view *view)
 {
     view->now_ms = robot->now_ms;
@@ -142,6 +148,29 @@ static void step_sequence(struct robot *robot)
     }
 }
 
+/* Of the moment, where a record has means. */
+static void stream_sample(struct robot *robot)
+{
+    int32_t values[TELEMETRY_SIGNALS];
+    struct recorder_view view = {0};
+    view_command(robot, &view);
+    view_sensors(robot, &view);
+    values[PROTO_SIGNAL_MODE] = view.record.mode;
+    values[PROTO_SIGNAL_FAULTS] = (int32_t)view.record.faults;
+    values[PROTO_SIGNAL_CMD_LEFT] = view.record.cmd_left;
+    values[PROTO_SIGNAL_CMD_RIGHT] = view.record.cmd_right;
+    for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        values[PROTO_SIGNAL_EFFORT_LEFT + wheel] = robot->drive.applied_e4[wheel];
+        values[PROTO_SIGNAL_COUNTS_LEFT + wheel] = robot->counts[wheel];
+        values[PROTO_SIGNAL_SPEED_LEFT + wheel] = speed_mmps(robot, wheel);
+    }
+    values[PROTO_SIGNAL_X] = view.record.x_mm;
+    values[PROTO_SIGNAL_Y] = view.record.y_mm;
+    values[PROTO_SIGNAL_THETA] = view.record.theta_e4;
+    values[PROTO_SIGNAL_BATTERY] = view.record.battery_10mv;
+    telemetry_take(&robot->telemetry, robot->now_ms, values);
+}
+
 void robot_tick(struct robot *robot)
 {
     struct recorder_view view = {0};
@@ -169,6 +198,9 @@ void robot_tick(struct robot *robot)
         recorder_open(&robot->recorder, &robot->feed, &view);
     }
     drive_step(&robot->drive, &robot->tuning, robot->speed, robot->view.still);
+    if (telemetry_due(&robot->telemetry)) {
+        stream_sample(robot);
+    }
 }
 
 static void end_drive(struct robot *robot)
@@ -295,8 +327,7 @@ void robot_status(const struct robot *robot, struct proto_status_reply *out)
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
         out->effort_e4[wheel] = robot->drive.applied_e4[wheel];
         out->counts[wheel] = robot->counts[wheel];
-        out->speed_mmps[wheel] =
-            (int16_t)round_to_i32(clampf(robot->view.speed_mps[wheel] * 1000.0f, -32768.0f, 32767.0f));
+        out->speed_mmps[wheel] = speed_mmps(robot, wheel);
     }
     hal_critical_exit(state);
     out->x_mm = odometry_x_mm(&odometry);

@@ -20,6 +20,7 @@
 #include "refusal.h"
 #include "sequence.h"
 #include "supervisor.h"
+#include "telemetry.h"
 #include "tuning.h"
 #include "wheel_speed.h"
 #include "wheel_watch.h"
@@ -43,6 +44,7 @@ struct robot {
     bool speeds_stale;    /* ticks were missed: the counts since the last one say nothing of a speed */
     struct log_feed feed; /* from the tick to the log */
     struct log log;
+    struct telemetry telemetry;
 };
 
 /* `boot_faults`: what the start brings along, see boot.h. */

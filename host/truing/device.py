@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -26,6 +26,7 @@ from truing.link.handshake import BoardInfo, shake_hands
 from truing.log_download import DownloadReport, Keeper, LogDownload, MemoryKeeper
 from truing.partial_file import LogIdentity, PartialFile
 from truing.plan import Kind, Plan
+from truing.signal_stream import SignalStream
 from truing_protocol import (
     PARAMETERS,
     ClearFaultsRequest,
@@ -268,6 +269,18 @@ class Device:
             self.client.request(StopRequest(), patience_s=_STOP_PATIENCE_S)
         finally:
             self.client.interrupted = pending
+
+    def stream(self, signals: Sequence[str], rate_hz: int = 200) -> SignalStream:
+        """Signals as they happen; a context manager and an iterator of samples.
+
+        Parameters
+        ----------
+        signals : names out of `truing.signal_stream.SIGNALS`, such as `speed_left`.
+
+        Samples also arrive while this device is asked for anything else, a download included, and
+        wait until they are taken.
+        """
+        return SignalStream(self.client, signals, rate_hz)
 
     # ---- logs
 

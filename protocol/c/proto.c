@@ -863,6 +863,86 @@ bool proto_can_state_reply_decode(struct proto_can_state_reply *to, const uint8_
     return true;
 }
 
+size_t proto_stream_start_request_encode(const struct proto_stream_start_request *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_STREAM_START_REQUEST_SIZE) {
+        return 0;
+    }
+    put_u32(out + 0, from->signals);
+    put_u16(out + 4, from->rate_hz);
+    return PROTO_STREAM_START_REQUEST_SIZE;
+}
+
+bool proto_stream_start_request_decode(struct proto_stream_start_request *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_STREAM_START_REQUEST_SIZE) {
+        return false;
+    }
+    to->signals = get_u32(in + 0);
+    to->rate_hz = get_u16(in + 4);
+    return true;
+}
+
+size_t proto_stream_start_reply_encode(const struct proto_stream_start_reply *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_STREAM_START_REPLY_SIZE) {
+        return 0;
+    }
+    put_u16(out + 0, from->stream_id);
+    put_u16(out + 2, from->capacity);
+    return PROTO_STREAM_START_REPLY_SIZE;
+}
+
+bool proto_stream_start_reply_decode(struct proto_stream_start_reply *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_STREAM_START_REPLY_SIZE) {
+        return false;
+    }
+    to->stream_id = get_u16(in + 0);
+    to->capacity = get_u16(in + 2);
+    return true;
+}
+
+size_t proto_stream_read_request_encode(const struct proto_stream_read_request *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_STREAM_READ_REQUEST_SIZE) {
+        return 0;
+    }
+    put_u32(out + 0, from->first);
+    put_u16(out + 4, from->most);
+    return PROTO_STREAM_READ_REQUEST_SIZE;
+}
+
+bool proto_stream_read_request_decode(struct proto_stream_read_request *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_STREAM_READ_REQUEST_SIZE) {
+        return false;
+    }
+    to->first = get_u32(in + 0);
+    to->most = get_u16(in + 4);
+    return true;
+}
+
+size_t proto_stream_read_reply_encode(const struct proto_stream_read_reply *from, uint8_t *out, size_t capacity) {
+    const size_t tail = from->samples_length;
+    if (capacity < PROTO_STREAM_READ_REPLY_SIZE || tail > capacity - PROTO_STREAM_READ_REPLY_SIZE) {
+        return 0;
+    }
+    put_u16(out + 0, from->stream_id);
+    put_u32(out + 2, from->first);
+    put_u32(out + 6, from->end);
+    if (tail > 0) {
+        memcpy(out + 10, from->samples, tail);
+    }
+    return PROTO_STREAM_READ_REPLY_SIZE + tail;
+}
+
+bool proto_stream_read_reply_decode(struct proto_stream_read_reply *to, const uint8_t *in, size_t length) {
+    if (length < PROTO_STREAM_READ_REPLY_SIZE) {
+        return false;
+    }
+    to->stream_id = get_u16(in + 0);
+    to->first = get_u32(in + 2);
+    to->end = get_u32(in + 6);
+    to->samples = in + 10;
+    to->samples_length = length - PROTO_STREAM_READ_REPLY_SIZE;
+    return true;
+}
+
 size_t proto_refusal_encode(const struct proto_refusal *from, uint8_t *out, size_t capacity) {
     if (capacity < PROTO_REFUSAL_SIZE) {
         return 0;
@@ -1049,6 +1129,11 @@ const char *proto_can_bus_state_name(unsigned value) {
     return value >= PROTO_CAN_BUS_STATE_COUNT ? "?" : names[value];
 }
 
+const char *proto_signal_name(unsigned value) {
+    static const char *const names[] = {"mode", "faults", "cmd_left", "cmd_right", "effort_left", "effort_right", "counts_left", "counts_right", "speed_left", "speed_right", "x", "y", "theta", "battery"};
+    return value >= PROTO_SIGNAL_COUNT ? "?" : names[value];
+}
+
 const char *proto_parameter_kind_name(unsigned value) {
     static const char *const names[] = {"real", "integer", "flag"};
     return value >= PROTO_PARAMETER_KIND_COUNT ? "?" : names[value];
@@ -1085,6 +1170,7 @@ bool proto_id_changes(uint8_t id) {
     case PROTO_ID_SET_EFFORT:
     case PROTO_ID_SET_VELOCITY:
     case PROTO_ID_STOP:
+    case PROTO_ID_STREAM_START:
         return true;
     default:
         return false;

@@ -20,7 +20,7 @@
 #define PROTO_CAN_ANNOUNCE_BASE 0x680u /* its CAN id is this plus the node */
 #define PROTO_CAN_STATUS_BASE 0x6c0u /* its CAN id is this plus the node */
 #define PROTO_CAN_MOTION_BASE 0x700u /* its CAN id is this plus the node */
-#define PROTO_SCHEMA_HASH 0xff54a95du
+#define PROTO_SCHEMA_HASH 0xf272f80bu
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
@@ -49,6 +49,8 @@ enum proto_id {
     PROTO_ID_SET_VELOCITY = 0x41, /* hold wheel speeds, until the host falls silent; log and odometry as with set_effort */
     PROTO_ID_STOP = 0x42, /* brake both wheels now, in any state; ends a sequence; carried out each time it arrives */
     PROTO_ID_CAN_STATE = 0x50, /* the CAN controller and its channel */
+    PROTO_ID_STREAM_START = 0x60, /* take samples of the chosen signals from now on, counted from 0, in place of the stream before; whatever the state. A start of the board ends it */
+    PROTO_ID_STREAM_READ = 0x61, /* samples from a number on, as many as are there, wanted, and fit a reply; those that the ring has overwritten are left out */
     PROTO_ID_REFUSAL = 0xff,
 };
 #define PROTO_REPLY_BIT 0x80u
@@ -137,6 +139,26 @@ enum proto_can_bus_state {
 };
 enum { PROTO_CAN_BUS_STATE_COUNT = 6 };
 const char *proto_can_bus_state_name(unsigned value); /* "?" for a value that is none of them */
+
+/* what a live stream may carry; each travels as an i32 */
+enum proto_signal {
+    PROTO_SIGNAL_MODE = 0, /* mode */
+    PROTO_SIGNAL_FAULTS = 1, /* active or latched faults' bits */
+    PROTO_SIGNAL_CMD_LEFT = 2, /* 1e-4 effort or mm/s, by mode */
+    PROTO_SIGNAL_CMD_RIGHT = 3, /* 1e-4 effort or mm/s, by mode */
+    PROTO_SIGNAL_EFFORT_LEFT = 4, /* applied effort, 1e-4 of supply */
+    PROTO_SIGNAL_EFFORT_RIGHT = 5, /* applied effort, 1e-4 of supply */
+    PROTO_SIGNAL_COUNTS_LEFT = 6, /* encoder counts since start-up */
+    PROTO_SIGNAL_COUNTS_RIGHT = 7, /* encoder counts since start-up */
+    PROTO_SIGNAL_SPEED_LEFT = 8, /* speed that velocity mode holds, mm/s */
+    PROTO_SIGNAL_SPEED_RIGHT = 9, /* speed that velocity mode holds, mm/s */
+    PROTO_SIGNAL_X = 10, /* odometry, mm */
+    PROTO_SIGNAL_Y = 11, /* odometry, mm */
+    PROTO_SIGNAL_THETA = 12, /* odometry, 1e-4 rad, not wrapped */
+    PROTO_SIGNAL_BATTERY = 13, /* supply, 10 mV */
+};
+enum { PROTO_SIGNAL_COUNT = 14 };
+const char *proto_signal_name(unsigned value); /* "?" for a value that is none of them */
 
 /* how a parameter's value is read; all travel as f32 */
 enum proto_parameter_kind {
@@ -568,6 +590,45 @@ struct proto_can_state_reply {
 };
 size_t proto_can_state_reply_encode(const struct proto_can_state_reply *from, uint8_t *out, size_t capacity);
 bool proto_can_state_reply_decode(struct proto_can_state_reply *to, const uint8_t *in, size_t length);
+
+#define PROTO_STREAM_START_REQUEST_SIZE 6u
+/* take samples of the chosen signals from now on, counted from 0, in place of the stream before; whatever the state. A start of the board ends it */
+struct proto_stream_start_request {
+    uint32_t signals; /* bits of signal; 0: no more samples */
+    uint16_t rate_hz; /* 1 to 200 */
+};
+size_t proto_stream_start_request_encode(const struct proto_stream_start_request *from, uint8_t *out, size_t capacity);
+bool proto_stream_start_request_decode(struct proto_stream_start_request *to, const uint8_t *in, size_t length);
+
+#define PROTO_STREAM_START_REPLY_SIZE 4u
+/* reply: take samples of the chosen signals from now on, counted from 0, in place of the stream before; whatever the state. A start of the board ends it */
+struct proto_stream_start_reply {
+    uint16_t stream_id; /* another number for each stream since the board's start */
+    uint16_t capacity; /* samples that the board keeps */
+};
+size_t proto_stream_start_reply_encode(const struct proto_stream_start_reply *from, uint8_t *out, size_t capacity);
+bool proto_stream_start_reply_decode(struct proto_stream_start_reply *to, const uint8_t *in, size_t length);
+
+#define PROTO_STREAM_READ_REQUEST_SIZE 6u
+/* samples from a number on, as many as are there, wanted, and fit a reply; those that the ring has overwritten are left out */
+struct proto_stream_read_request {
+    uint32_t first; /* number of the sample wanted */
+    uint16_t most; /* samples wanted at most: a short reply gets through a bad line */
+};
+size_t proto_stream_read_request_encode(const struct proto_stream_read_request *from, uint8_t *out, size_t capacity);
+bool proto_stream_read_request_decode(struct proto_stream_read_request *to, const uint8_t *in, size_t length);
+
+#define PROTO_STREAM_READ_REPLY_SIZE 10u
+/* reply: samples from a number on, as many as are there, wanted, and fit a reply; those that the ring has overwritten are left out */
+struct proto_stream_read_reply {
+    uint16_t stream_id; /* 0: there is no stream */
+    uint32_t first; /* number of the first sample here: the one wanted, or the oldest that is left */
+    uint32_t end; /* samples taken so far */
+    const uint8_t *samples; /* each: device time, u32, ms, and the signals in the order of their bits, i32 */
+    size_t samples_length;
+};
+size_t proto_stream_read_reply_encode(const struct proto_stream_read_reply *from, uint8_t *out, size_t capacity);
+bool proto_stream_read_reply_decode(struct proto_stream_read_reply *to, const uint8_t *in, size_t length);
 
 #define PROTO_REFUSAL_SIZE 6u
 /* the reply to a request that was refused */

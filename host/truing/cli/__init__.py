@@ -30,6 +30,7 @@ COMMANDS: dict[str, str] = {
     "step": "Drive one quick step and identify it.",
     "plan": "List, show and check run plans.",
     "tune": "Learn the feedforward of velocity mode from a short drive.",
+    "stream": "Signals of the board as they happen, up to 200 a second.",
     "stop": "Brake both wheels now.",
     "faults": "Show the board's faults, or clear them.",
     "params": "List, change, save and compare the board's parameters.",

@@ -6,7 +6,7 @@ import logging
 import secrets
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from truing.errors import Interrupted, LinkError, LinkTimeout
 from truing.link.framing import Frame, FrameDecoder, encode
@@ -44,6 +44,16 @@ class LinkCounts:
     strays: int = 0
 
 
+class Beside(Protocol):
+    """What goes on beside the requests, whenever the client listens: a live stream."""
+
+    def ask(self) -> float:
+        """Send what is due; returns the seconds until something is again."""
+
+    def take(self, frames: list[Frame]) -> list[Frame]:
+        """Take the frames that are for it; returns the others."""
+
+
 class Client:
     """One host's end of the link.
 
@@ -63,6 +73,7 @@ class Client:
         self.counts = LinkCounts()
         # Asked between waits; a true answer ends whatever is under way with `Interrupted`.
         self.interrupted: Callable[[], bool] = _never
+        self.beside: Beside | None = None
         self._decoder = FrameDecoder()
         if first_sequence is None:
             first_sequence = 1 if stream.virtual else secrets.randbelow(0x10000)
@@ -150,9 +161,11 @@ class Client:
         """
         if self.interrupted():
             raise Interrupted("interrupted")
+        if self.beside is not None:
+            timeout_s = min(timeout_s, self.beside.ask())
         frames = [frame for frame in self._decoder.feed(self.stream.read(timeout_s)) if frame.id & REPLY_BIT]
         self.counts.replies += len(frames)
-        return frames
+        return frames if self.beside is None else self.beside.take(frames)
 
     def unpack(self, request: Request[ReplyT], answer: Frame) -> ReplyT:
         """Return the reply in `answer`, or raise what the board refused."""

@@ -84,6 +84,25 @@ class CanBusState(IntEnum):
     BUS_OFF = 5  # took itself off the bus after too many errors; it tries again after a pause
 
 
+class Signal(IntEnum):
+    """What a live stream may carry; each travels as an i32."""
+
+    MODE = 0  # mode
+    FAULTS = 1  # active or latched faults' bits
+    CMD_LEFT = 2  # 1e-4 effort or mm/s, by mode
+    CMD_RIGHT = 3  # 1e-4 effort or mm/s, by mode
+    EFFORT_LEFT = 4  # applied effort, 1e-4 of supply
+    EFFORT_RIGHT = 5  # applied effort, 1e-4 of supply
+    COUNTS_LEFT = 6  # encoder counts since start-up
+    COUNTS_RIGHT = 7  # encoder counts since start-up
+    SPEED_LEFT = 8  # speed that velocity mode holds, mm/s
+    SPEED_RIGHT = 9  # speed that velocity mode holds, mm/s
+    X = 10  # odometry, mm
+    Y = 11  # odometry, mm
+    THETA = 12  # odometry, 1e-4 rad, not wrapped
+    BATTERY = 13  # supply, 10 mV
+
+
 class ParameterKind(IntEnum):
     """How a parameter's value is read; all travel as f32."""
 

@@ -1512,6 +1512,120 @@ class CanStateRequest:
         return CanStateReply.unpack(payload)
 
 
+_STREAM_START_REPLY = struct.Struct("<HH")
+
+
+@dataclass(frozen=True, slots=True)
+class StreamStartReply:
+    """Reply: take samples of the chosen signals from now on, counted from 0, in place of the stream before; whatever the state. A start of the board ends it."""
+
+    SIZE: ClassVar[int] = 4
+
+    stream_id: int  # another number for each stream since the board's start
+    capacity: int  # samples that the board keeps
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _STREAM_START_REPLY.pack(self.stream_id, self.capacity)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> StreamStartReply:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 4, False, cls)
+        v = _STREAM_START_REPLY.unpack_from(payload)
+        return cls(stream_id=v[0], capacity=v[1])
+
+
+_STREAM_START_REQUEST = struct.Struct("<IH")
+
+
+@dataclass(frozen=True, slots=True)
+class StreamStartRequest:
+    """Take samples of the chosen signals from now on, counted from 0, in place of the stream before; whatever the state. A start of the board ends it."""
+
+    SIZE: ClassVar[int] = 6
+    ID: ClassVar[int] = 0x60
+    NAME: ClassVar[str] = "stream_start"
+    CHANGES: ClassVar[bool] = True
+
+    signals: int  # bits of signal; 0: no more samples
+    rate_hz: int  # 1 to 200
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _STREAM_START_REQUEST.pack(self.signals, self.rate_hz)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> StreamStartRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 6, False, cls)
+        v = _STREAM_START_REQUEST.unpack_from(payload)
+        return cls(signals=v[0], rate_hz=v[1])
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> StreamStartReply:
+        """Read this request's reply."""
+        return StreamStartReply.unpack(payload)
+
+
+_STREAM_READ_REPLY = struct.Struct("<HII")
+
+
+@dataclass(frozen=True, slots=True)
+class StreamReadReply:
+    """Reply: samples from a number on, as many as are there, wanted, and fit a reply; those that the ring has overwritten are left out."""
+
+    SIZE: ClassVar[int] = 10
+
+    stream_id: int  # 0: there is no stream
+    first: int  # number of the first sample here: the one wanted, or the oldest that is left
+    end: int  # samples taken so far
+    samples: bytes  # each: device time, u32, ms, and the signals in the order of their bits, i32
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _STREAM_READ_REPLY.pack(self.stream_id, self.first, self.end) + self.samples
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> StreamReadReply:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 10, True, cls)
+        v = _STREAM_READ_REPLY.unpack_from(payload)
+        return cls(stream_id=v[0], first=v[1], end=v[2], samples=payload[10 :])
+
+
+_STREAM_READ_REQUEST = struct.Struct("<IH")
+
+
+@dataclass(frozen=True, slots=True)
+class StreamReadRequest:
+    """Samples from a number on, as many as are there, wanted, and fit a reply; those that the ring has overwritten are left out."""
+
+    SIZE: ClassVar[int] = 6
+    ID: ClassVar[int] = 0x61
+    NAME: ClassVar[str] = "stream_read"
+    CHANGES: ClassVar[bool] = False
+
+    first: int  # number of the sample wanted
+    most: int  # samples wanted at most: a short reply gets through a bad line
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _STREAM_READ_REQUEST.pack(self.first, self.most)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> StreamReadRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 6, False, cls)
+        v = _STREAM_READ_REQUEST.unpack_from(payload)
+        return cls(first=v[0], most=v[1])
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> StreamReadReply:
+        """Read this request's reply."""
+        return StreamReadReply.unpack(payload)
+
+
 _REFUSAL = struct.Struct("<BBI")
 
 
