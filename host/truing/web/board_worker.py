@@ -128,6 +128,7 @@ class BoardWorker:
         self._orders = _Orders()
         self._lock = threading.Lock()
         self._wake = threading.Event()
+        self._why = ""
         self._closing = False
         self._unplugged = False
         self._snapshot = Snapshot()
@@ -160,9 +161,10 @@ class BoardWorker:
                 self._orders.drive = wish
         self._wake.set()
 
-    def stop(self) -> None:
+    def stop(self, why: str = "stopped by you") -> None:
         """Brake now; whatever was asked before is forgotten."""
         with self._lock:
+            self._why = why
             self._orders.stop = True
             self._orders.drive = None
             self._orders.run = None
@@ -340,10 +342,10 @@ class _Session:
         self._source.commanded(None)
         self._live = False
         if self._running is not None:
-            self._worker._publish(task=Task(self._running.order.label, "stopped", 1.0, "stopped by you"))
+            self._worker._publish(task=Task(self._running.order.label, "stopped", 1.0, self._worker._why))
             self._running = None
         elif (task := self._worker.snapshot.task) is not None and not task.is_over:
-            self._worker._publish(task=replace(task, stage="stopped", problem="stopped by you"))
+            self._worker._publish(task=replace(task, stage="stopped", problem=self._worker._why))
 
     def _drive(self, wish: _Drive | None) -> None:
         now = time.monotonic()

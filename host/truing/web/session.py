@@ -151,7 +151,7 @@ class ViewSession:
         self.worker.run_plan(order)
 
     def _left_the_wheel(self, _session: str) -> None:
-        self.worker.stop()
+        self.worker.stop("stopped: the page that drove has left the wheel, is gone, or is silent")
 
     # ---- models
 
