@@ -13,6 +13,7 @@ import numpy as np
 
 from truing.diagnose.adequacy import Structure, find_bursts
 from truing.diagnose.catalogue import CATALOGUE
+from truing.diagnose.compare import differences, moment_gains
 from truing.diagnose.fit import Fit, judge
 from truing.diagnose.problem import Problem
 from truing.diagnose.result import Verdict
@@ -25,17 +26,21 @@ SURE_GAIN = 10.0
 # everywhere else. What the numbers leave of it is weighed as any other rest.
 LOUD_GAIN = 150.0
 LEAST_FIRST = 0.2
-# A second effect must be worth more: a first one that is finer than its equation leaves a remainder.
-LEAST_SECOND, SECOND_SHARE = 0.4, 0.15
+# A second effect must be worth more: a first one that is finer than its equation leaves a remainder. In
+# some signal it bends the model by this much of the noise and of what the first bends, and brings this
+# share of the log-likelihood.
+LEAST_SECOND, SECOND_SHARE, SECOND_GAIN = 0.4, 0.15, 0.05
 # Another explanation is a rival unless it is worse by this much.
 RIVAL_GAIN, RIVAL_TIMES = 6.0, 0.15
-MOST_RIVALS = 3
+MOST_RIVALS, MOST_PAIRS_WEIGHED = 3, 3
 # What a flexible model still foretells is unexplained beyond these: RMS over noise, standard errors of the
 # share, share of what was explained in RMS.
 LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.35, 3.0, 0.3
 # What is left, foretold or in moments that no noise makes, is unexplained also where it holds this share
 # of a wheel's residual energy and the accused effects took away less than a few times as much.
 LEAST_FORETOLD, LEAST_BURSTS, LEFT_OF_EXPLAINED = 0.06, 0.12, 0.4
+# Bursts in more than this share of the rows are no events: the noise itself is larger there.
+MOST_BURST_ROWS = 0.1
 # The baseline's numbers are off beyond this RMS over noise.
 OFF_TIMES = 0.15
 
@@ -89,18 +94,37 @@ def reason(search: Search, tried: list[str], structure_of: object) -> Reasoning:
 
 
 def choose(search: Search, base: Fit) -> Fit:
-    """The baseline, the best single effect, or the best two."""
+    """The baseline, the best single effect, or the best two that each are needed."""
     best = base
-    singles, pairs = search.ranked(1), search.ranked(2)
+    singles = search.ranked(1)
     if singles and accused(search, singles[0], base, LEAST_FIRST):
         best = singles[0]
-    for pair in pairs[:1]:
-        parts = [search.fits[(name,)] for name in pair.effects if (name,) in search.fits]
-        strength = search.better(singles[0], base).times_noise
-        least = max(LEAST_SECOND, SECOND_SHARE * strength)
-        if all(accused(search, pair, part, least) for part in (*parts, singles[0])):
-            best = pair
+    for pair in search.ranked(2)[:MOST_PAIRS_WEIGHED]:
+        if needs_both(search, pair):
+            return pair
     return best
+
+
+def needs_both(search: Search, pair: Fit) -> bool:
+    """Whether neither part of a pair, nor any other single effect, does what the pair does."""
+    base = search.fits[()]
+    parts = [search.fits[(name,)] for name in pair.effects if (name,) in search.fits]
+    parts.append(search.ranked(1)[0])
+    return all(_adds(search, pair, part, base) for part in parts)
+
+
+def _adds(search: Search, pair: Fit, part: Fit, base: Fit) -> bool:
+    problem = search.problem
+    if search.better(pair, part).spread <= SURE_GAIN:
+        return False
+    more, first = differences(problem, pair, part), differences(problem, part, base)
+    bends = any(a > max(LEAST_SECOND, SECOND_SHARE * b) for a, b in zip(more, first, strict=True))
+    brought, total = moment_gains(problem, pair, part), moment_gains(problem, pair, base)
+    brings = any(
+        float(a.sum()) > max(SURE_GAIN, SECOND_GAIN * float(b.sum()))
+        for a, b in zip(brought, total, strict=True)
+    )
+    return bends and brings
 
 
 def accused(search: Search, one: Fit, other: Fit, least: float) -> bool:
@@ -123,6 +147,7 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
         ahead = search.better(best, other)
         close = ahead.spread < RIVAL_GAIN or ahead.times_noise < RIVAL_TIMES
         named = accused(search, other, base, LEAST_FIRST)
+        named = named and (len(other.effects) < 2 or needs_both(search, other))
         if close and named and not _only_richer(search, best, other):
             out.append(other)
     return tuple(out[: MOST_RIVALS - 1])
@@ -149,9 +174,10 @@ def outweighs(search: Search, left: Structure, best: Fit, base: Fit) -> bool:
     problem = search.problem
     energy = (best.residual.wheels**2).sum(axis=0)
     sure = (left.share > LEFT_ERRORS * left.error) & (left.share > LEAST_FORETOLD)
-    bursts = find_bursts(problem.data, best.residual.wheels).share
+    bursts = find_bursts(problem.data, best.residual.wheels)
     foretold = float(np.where(sure, left.share, 0.0) @ energy)
-    sudden = float(np.where(bursts > LEAST_BURSTS, bursts, 0.0) @ energy)
+    few = bursts.rows.mean(axis=0) < MOST_BURST_ROWS
+    sudden = float(np.where((bursts.share > LEAST_BURSTS) & few, bursts.share, 0.0) @ energy)
     explained = 2.0 * search.better(best, base).gain if best.effects else 0.0
     return max(foretold, sudden) > LEFT_OF_EXPLAINED * max(explained, 0.0)
 
