@@ -26,7 +26,7 @@ SHORT = Plan(
 )
 
 MEDIUM = Plan(
-    "medium", "medium", (Segment(Kind.EFFORT, 2.0, 0.4, 0.3), Segment(Kind.EFFORT, 0.5, 0.0, 0.0)), 200
+    "medium", "medium", (Segment(Kind.VELOCITY, 4.0, 0.4, 0.3), Segment(Kind.EFFORT, 0.5, 0.0, 0.0)), 200
 )
 
 
@@ -40,7 +40,7 @@ def test_a_plan_goes_up_and_its_log_comes_down_byte_for_byte(
 ) -> None:
     with CanChain(image, bit_rate=bit_rate) as chain:
         device = chain.host()
-        driven = drive(device, Plan("long", "long", DEMO_PLAN.segments, log_rate_hz=200))
+        driven = drive(device, Plan("long", "long", 8 * DEMO_PLAN.segments, log_rate_hz=200))
         log = device.log(driven.log_id)
         before, began = chain.bus.totals(), chain.bus.time_s
         data, report = device.read_log(log)
@@ -181,13 +181,13 @@ def test_a_sequence_drives_on_while_the_bus_is_off_and_its_log_comes_down_afterw
         log_id = device.start(device.upload(MEDIUM))
         chain.bus.run_us(500_000)
         chain.bus.set_shorted(True)
-        chain.bus.run_us(3_000_000)
+        chain.bus.run_us(5_000_000)
         chain.bus.set_shorted(False)
         log = device.log(log_id)
         data, _ = device.read_log(log)
         assert data == chain.in_ram(log.offset, log.length)
         assert log.end.name == "FINISHED"
-        assert log.end_s - log.start_s == pytest.approx(2.5, abs=0.01)
+        assert log.end_s - log.start_s == pytest.approx(4.5, abs=0.01)
         assert can_state(device).bus_offs > 20
 
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from truing.errors import LinkClosed, PortError
 
-_SEND_WAIT_S = 0.5
+_SEND_WAIT_S = 4.0  # as patient as the client: drivers count the time in which this process may not run
 _FRAME_S = 0.0002  # one frame at 500 kbit/s
 
 
