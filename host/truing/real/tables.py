@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from truing.diagnose.result import Diagnosis, NamedEffect
-from truing.diagnose.words import effect_title
+from truing.diagnose.words import alternatives, effect_title
 from truing.identify.tables import PlainTable
 from truing.real.plain_fit import Drop
 from truing.real.study import FRICTION, STEPS, CommandedStudy, DriftStudy, EmpsStudy, SetStudy, WheelStudy
@@ -43,8 +43,18 @@ def tables(study: RealStudy) -> list[PlainTable]:
 def _verdicts(study: RealStudy) -> PlainTable:
     table = PlainTable(
         "Verdicts, and what the named effects do to the error on runs that no fit saw",
-        ["Set", "Verdict", "Named", "Wheel", "Before, %", "After, %", "95 %", "Identification, %"],
-        [False, False, False, False, True, True, True, True],
+        [
+            "Set",
+            "Verdict",
+            "Named",
+            "or as well",
+            "Wheel",
+            "Before, %",
+            "After, %",
+            "95 %",
+            "Identification, %",
+        ],
+        [False, False, False, False, False, True, True, True, True],
         group=1,
     )
     for one in study.sets:
@@ -56,6 +66,7 @@ def _verdicts(study: RealStudy) -> PlainTable:
                     one.name,
                     _verdict(one, wheel),
                     _named(one.says, wheel) if named else NONE,
+                    _rivals(one.says) if named else NONE,
                     wheel.wheel,
                     f"{scale * wheel.base:.2f}",
                     f"{scale * named.drop.after:.2f}" if named else NONE,
@@ -88,9 +99,15 @@ def _named(diagnosis: Diagnosis, wheel: WheelStudy) -> str:
     for effect in diagnosis.effects:
         if wheel.named is None or effect.name not in wheel.named.effects or effect.explanation != 0:
             continue
-        rivals = f" (or {', '.join(effect.indistinguishable_from)})" if effect.indistinguishable_from else ""
-        parts.append(f"{effect.name}{_value(effect, wheel.wheel)}{rivals}")
-    return ", ".join(parts)
+        parts.append(f"{effect.name}{_value(effect, wheel.wheel)}")
+    return " + ".join(parts)
+
+
+def _rivals(diagnosis: Diagnosis) -> str:
+    """The other explanations of an ambiguous verdict."""
+    if diagnosis.verdict != "ambiguous":
+        return NONE
+    return "; ".join(" + ".join(names) for names in alternatives(diagnosis)[1:])
 
 
 def _value(effect: NamedEffect, wheel: str) -> str:
@@ -183,7 +200,7 @@ def _emps(emps: EmpsStudy | None) -> PlainTable:
             ]
         )
     table.remarks += [
-        f"Verdict on the first file: {_sentence(emps.diagnosis)}.",
+        f"Verdict on the first file: {_sentence(emps.diagnosis, dead='right')}.",
         "Drop of a step: below the model before it; as diagnosed: below the baseline. "
         "The bench's protocol for this axis (asymmetric viscous "
         "and Coulomb friction, offset, drift; fitted to positions) reaches 4.61 mm on the second file, a "
@@ -255,7 +272,8 @@ def _drift(study: DriftStudy | None) -> PlainTable:
     return table
 
 
-def _sentence(diagnosis: Diagnosis) -> str:
+def _sentence(diagnosis: Diagnosis, dead: str = "neither") -> str:
+    """Verdict and effects with intervals, without the numbers of a wheel that is not there."""
     verdict = diagnosis.verdict.replace("_", " ")
     if not diagnosis.effects:
         return verdict
@@ -264,7 +282,7 @@ def _sentence(diagnosis: Diagnosis) -> str:
         numbers = ", ".join(
             f"{name} {item.value:.3g} ({item.ci95[0]:.3g} to {item.ci95[1]:.3g})"
             for name, item in effect.parameters.items()
-            if effect.scope not in ("left", "right") or effect.scope in name
+            if dead not in name and (effect.scope not in ("left", "right") or effect.scope in name)
         )
         named.append(f"{effect.name} {numbers}")
     return f"{verdict}, {'; '.join(named)}"
@@ -278,11 +296,7 @@ def undecided(study: RealStudy) -> list[str]:
 def _undecided_in(one: SetStudy) -> Iterator[str]:
     says = one.says
     if says.verdict == "ambiguous":
-        groups = sorted({effect.explanation for effect in says.effects})
-        ways = [
-            " with ".join(effect_title(e.name) for e in says.effects if e.explanation == number)
-            for number in groups
-        ]
+        ways = [" with ".join(effect_title(name) for name in names) for names in alternatives(says)]
         yield f"{one.name}: {'; or '.join(ways)}."
     if one.alone is not None:
         check = next(check for check in one.diagnosis.checks if check.topic == "encoder")
