@@ -1,60 +1,78 @@
 """What the effort did between two rows: a log holds its mean over each interval, the wheel felt its course.
 
 Where the effort stands still and steps, `truing.model.excitation` finds the step. Where it changes from
-row to row, the mean leaves two courses open: held over the row (a command renewed with each row) or running
-on smoothly (a sweep, a ramp, a controller's output). The recordings say which: the one whose simulation
-comes closer to the measured speeds of that run. Smooth courses are parabolas that keep every row's mean
-and meet at its ends (Colella and Woodward 1984, eq. 1.9, without their limiter).
+row to row, the mean leaves three courses open: held over the row (a command renewed with each row), running
+on smoothly (a sweep, a ramp), or jumping from the row before to the row after (a controller whose set point
+steps). The recordings say which: the one whose simulation comes closest to the measured speeds of that run.
+Smooth courses are parabolas that keep every row's mean and meet at its ends (Colella and Woodward 1984,
+eq. 1.9, without their limiter). How far the courses part is how well the speeds there can be foretold.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
 from truing.diagnose.data import BoolArray, SetData, held_pieces
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.model.excitation import Pieces
-from truing.model.kernel import FloatArray
+from truing.model.kernel import FloatArray, IntArray
 
 # A smooth row is simulated in this many parts.
 PARTS = 4
 # Effort that changes by less from row to row stands still.
 STILL = 2e-3
+# Effort that changes by more than this over two rows may have jumped in the row between.
+LEAST_JUMP = 0.03
+# Where it does not stand still after such a change, a kick fell somewhere inside the row.
+LEAST_KICK = 0.01
 # A run's course is taken for smooth when that leaves this share of its squared error, at most.
 BETTER = 0.9
 
 
 def with_courses(data: SetData) -> SetData:
-    """The set with every run's effort held or smooth between rows, as its speeds say.
+    """The set with every run's effort held, smooth or jumping between rows, as its speeds say.
 
-    The baseline's own numbers judge: they are the same for both courses.
+    The baseline's own numbers judge: they are the same for all courses.
     """
-    smooth = smoothed(data, range(data.runs))
-    if _same(smooth, data):
-        return data
-    better = _errors(smooth) < BETTER * _errors(data)
-    return smoothed(data, np.flatnonzero(better).tolist())
+    held = _errors(data)
+    chosen = data
+    least = BETTER * held
+    for split in (_smooth, _jumping):
+        other = recut(data, range(data.runs), split)
+        if _same(other, data):
+            continue
+        errors = _errors(other)
+        better = np.flatnonzero(errors < least)
+        least = np.minimum(least, errors)
+        chosen = _joined(data, chosen, recut(data, better.tolist(), split), better)
+    return chosen
 
 
 def doubt_of_courses(data: SetData) -> FloatArray:
-    """How far apart the two courses take the speeds, shape (n, 2), m/s: neither is known better than that.
+    """How far apart the courses take the speeds, shape (n, 2), m/s: none is known better than that.
 
-    A sweep faster than the log can follow leaves both courses wrong.
+    A sweep faster than the log can follow leaves all courses wrong; so does a controller that kicks at a
+    moment inside a row that nobody knows.
     """
-    held = set_held(data)
-    smooth = smoothed(held, range(data.runs))
-    if _same(smooth, held):
-        return np.zeros_like(data.speed_mps)
-    return np.abs(_speeds(smooth) - _speeds(held))
+    held = replace(data, pieces=held_pieces(data.t_s, data.effort, data.starts, data.interval_s))
+    courses = [_speeds(held)]
+    for split in (_smooth, _jumping, _late):
+        other = recut(held, range(data.runs), split)
+        if not _same(other, held):
+            courses.append(_speeds(other))
+    return np.asarray(np.ptp(np.stack(courses), axis=0))
 
 
-def set_held(data: SetData) -> SetData:
-    """The set with every row's effort held over the row, edges inside still rows aside."""
-    return replace(data, pieces=held_pieces(data.t_s, data.effort, data.starts, data.interval_s))
+def _joined(data: SetData, one: SetData, other: SetData, runs: IntArray) -> SetData:
+    """`one` with these runs' pieces from `other`."""
+    taken = np.isin(data.run_of_segment, runs)
+    left, right = (
+        _chosen_pieces(a, b, taken) for a, b in zip(one.pieces, other.pieces, strict=True)
+    )
+    return replace(data, pieces=(left, right))
 
 
 def _same(one: SetData, other: SetData) -> bool:
@@ -80,38 +98,79 @@ def _errors(data: SetData) -> FloatArray:
     return sums
 
 
+Cut = tuple[FloatArray, FloatArray, FloatArray]
+Split = Callable[[FloatArray, FloatArray, FloatArray], Cut]
+
+
 def smoothed(data: SetData, runs: Collection[int]) -> SetData:
     """The set with the effort of these runs running on smoothly wherever it changes from row to row."""
-    chosen = np.isin(data.run_of_segment, list(runs))
-    left, right = (_smooth_pieces(pieces, chosen) for pieces in data.pieces)
+    return recut(data, runs, _smooth)
+
+
+def recut(data: SetData, runs: Collection[int], split: Split) -> SetData:
+    """The set with the pieces of these runs cut anew."""
+    taken = np.isin(data.run_of_segment, list(runs))
+    left, right = (
+        _segmentwise(pieces, lambda k, cut: split(*cut) if taken[k] else cut) for pieces in data.pieces
+    )
     return replace(data, pieces=(left, right))
 
 
-def _smooth_pieces(pieces: Pieces, chosen: BoolArray) -> Pieces:
-    ends: list[FloatArray] = []
-    efforts: list[FloatArray] = []
-    supplies: list[FloatArray] = []
-    starts = [0]
-    for segment, (a, b) in enumerate(pairwise(pieces.starts)):
-        end, effort, supply = pieces.end_s[a:b], pieces.effort[a:b], pieces.supply[a:b]
-        if chosen[segment] and b - a >= 5:
-            end, effort, supply = _split(end, effort, supply)
-        ends.append(end)
-        efforts.append(effort)
-        supplies.append(supply)
-        starts.append(starts[-1] + len(end))
+def _chosen_pieces(one: Pieces, other: Pieces, taken: BoolArray) -> Pieces:
+    return _segmentwise(one, lambda k, cut: _cut_of(other, k) if taken[k] else cut)
+
+
+def _cut_of(pieces: Pieces, segment: int) -> Cut:
+    a, b = pieces.starts[segment], pieces.starts[segment + 1]
+    return pieces.end_s[a:b], pieces.effort[a:b], pieces.supply[a:b]
+
+
+def _segmentwise(pieces: Pieces, change: Callable[[int, Cut], Cut]) -> Pieces:
+    cuts = [change(k, _cut_of(pieces, k)) for k in range(len(pieces.starts) - 1)]
+    lengths = [len(end) for end, _, _ in cuts]
     return Pieces(
-        np.concatenate(ends),
-        np.concatenate(efforts),
-        np.concatenate(supplies),
-        np.array(starts, dtype=np.int64),
+        np.concatenate([end for end, _, _ in cuts]),
+        np.concatenate([effort for _, effort, _ in cuts]),
+        np.concatenate([supply for _, _, supply in cuts]),
+        np.concatenate(([0], np.cumsum(lengths))).astype(np.int64),
     )
 
 
-def _split(
-    end: FloatArray, effort: FloatArray, supply: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _jumping(end: FloatArray, effort: FloatArray, supply: FloatArray) -> Cut:
+    """One segment's pieces with a jump wherever a row's mean lies between its neighbours'."""
+    if len(effort) < 5:
+        return end, effort, supply
+    width = np.diff(end, prepend=2.0 * end[0] - end[1])
+    usual = np.abs(width / np.median(width) - 1.0) < 0.2
+    before, after = effort[:-2], effort[2:]
+    between = (effort[1:-1] - before) * (effort[1:-1] - after) < 0.0
+    rows = 1 + np.flatnonzero(between & (np.abs(after - before) > LEAST_JUMP) & usual[1:-1])
+    before, after = effort[rows - 1], effort[rows + 1]
+    cut = end[rows] - width[rows] * (1.0 - (effort[rows] - after) / (before - after))
+    level = effort.copy()
+    level[rows] = after
+    return np.insert(end, rows, cut), np.insert(level, rows, before), np.insert(supply, rows, supply[rows])
+
+
+def _late(end: FloatArray, effort: FloatArray, supply: FloatArray) -> Cut:
+    """One segment's pieces with every kick (a row unlike both neighbours) in the second half of its row."""
+    if len(effort) < 5:
+        return end, effort, supply
+    width = np.diff(end, prepend=2.0 * end[0] - end[1])
+    usual = np.abs(width / np.median(width) - 1.0) < 0.2
+    change = np.abs(np.diff(effort))
+    rows = 1 + np.flatnonzero((change[:-1] > LEAST_JUMP) & (change[1:] > LEAST_KICK) & usual[1:-1])
+    before = effort[rows - 1]
+    level = effort.copy()
+    level[rows] = np.clip(2.0 * effort[rows] - before, -1.0, 1.0)
+    cut = end[rows] - 0.5 * width[rows]
+    return np.insert(end, rows, cut), np.insert(level, rows, before), np.insert(supply, rows, supply[rows])
+
+
+def _smooth(end: FloatArray, effort: FloatArray, supply: FloatArray) -> Cut:
     """One segment's pieces with its smooth rows in `PARTS` parts."""
+    if len(effort) < 5:
+        return end, effort, supply
     varying = np.flatnonzero(_varying(end, effort))
     if not len(varying):
         return end, effort, supply
