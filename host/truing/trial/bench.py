@@ -28,7 +28,6 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.int64]
 
-HORIZON_S = 1.0
 # Noise levels beside which no misfit is large.
 _PLAIN_LEVEL = 30.0
 # Numbers that an effect counts over the whole set: with more runs in it they stand for more.
@@ -83,6 +82,11 @@ class Bench:
         """What is hidden."""
         return tuple(str(each["name"]) for each in self.answer["effects"])
 
+    @property
+    def horizon_s(self) -> float:
+        """Length of the windows over which a pose is judged, s."""
+        return self.real.pose_horizon_s
+
     def truth_rows(self, data: SetData) -> IntArray:
         """Row of the truth for each row of a set's arrays."""
         rows: IntArray = self._offset[data.run_of_row] + data.source_row
@@ -113,8 +117,9 @@ class Bench:
         if sensors["truth_mm"] > 0.0:
             looks = np.array([sensors["truth_mm"], sensors["truth_mm"], sensors["truth_mrad"]])
             return np.asarray(np.sqrt(2.0) * 1e-3 * looks)
-        # A gyro's noise is summed up over a window of twenty rows.
-        turn = max(float(sensors["gyro_radps"]) * 0.05 * np.sqrt(20.0), 1e-4)
+        # A gyro's noise is summed up over the rows of a window.
+        interval_s = float(np.median(self.real.interval_s))
+        turn = max(float(sensors["gyro_radps"]) * np.sqrt(interval_s * self.horizon_s), 1e-4)
         return np.array([1.0, 1.0, turn])
 
     def base(self, problem: Problem) -> Fit:
@@ -160,10 +165,10 @@ class Bench:
 
     def pose_error(self, theta: FloatArray, effects: tuple[str, ...]) -> float:
         """RMS error of the pose's windows on the judging runs, in standard deviations of a look."""
-        windows = self.all.windows(HORIZON_S)
+        windows = self.all.windows(self.horizon_s)
         if not len(windows):
             return float("nan")
-        residual = self.all.pose_residuals(*self._for_all(theta, effects), HORIZON_S)
+        residual = self.all.pose_residuals(*self._for_all(theta, effects), self.horizon_s)
         first_judged = int(self.all.data.run_of_row[self.judging][0])
         error = (residual / self.pose_sigma())[windows.run >= first_judged]
         return float(np.sqrt(np.nanmean(error**2)))

@@ -13,7 +13,7 @@ from truing.diagnose.fit import Fit
 from truing.diagnose.problem import Problem
 from truing.diagnose.result import Diagnosis, MismatchSpan
 from truing.diagnose.search import Search
-from truing.trial.bench import HORIZON_S, Bench
+from truing.trial.bench import Bench
 from truing.trial.comparators.opinion import Opinion
 from truing.trial.comparators.picker import picker
 from truing.trial.comparators.sparse import sparse
@@ -297,7 +297,7 @@ def _pose_places(
     bench: Bench, spans: tuple[MismatchSpan, ...]
 ) -> tuple[float | None, float | None, float | None]:
     """The same for windows of the pose, each component in standard deviations of a look."""
-    windows = bench.simulator.windows(HORIZON_S)
+    windows = bench.simulator.windows(bench.horizon_s)
     if not len(windows):
         return None, None, None
     data, truth = bench.real, bench.truth
