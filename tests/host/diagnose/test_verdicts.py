@@ -1,0 +1,43 @@
+"""What the diagnosis says of robots of another make: right, or in doubt, never wrongly sure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from support.practice_robots import judge, make_trial
+from support.practice_robots.judge import Judgement
+from truing.diagnose.engine import diagnose
+
+pytestmark = pytest.mark.slow
+
+
+def judged(folder: Path, seed: int, effect: str, second: str | None = None) -> Judgement:
+    answer = make_trial(seed, effect, folder=folder, plan_kind="rich", second_effect=second)
+    return judge(answer, diagnose(folder / "recordings", jobs=1).to_json())
+
+
+@pytest.mark.parametrize(
+    "effect", ["coulomb_friction", "gear_backlash", "torque_ripple", "wheelbase_error", "speed_filter"]
+)
+def test_a_hidden_effect_is_named(tmp_path: Path, effect: str) -> None:
+    said = judged(tmp_path, 31, effect)
+    assert said["named"]
+    assert not said["confidently_wrong"]
+
+
+def test_two_hidden_effects_are_both_named(tmp_path: Path) -> None:
+    said = judged(tmp_path, 32, "turning_scrub", "driver_lag")
+    assert said["named"]
+    assert not said["confidently_wrong"]
+
+
+@pytest.mark.parametrize("kind", ["null_exact", "null_numbers"])
+def test_a_healthy_robot_is_not_accused(tmp_path: Path, kind: str) -> None:
+    assert judged(tmp_path, 33, kind)["right"]
+
+
+@pytest.mark.parametrize("effect", ["knocks", "flexible_drive"])
+def test_what_is_in_no_catalogue_is_not_called_by_a_name_of_it(tmp_path: Path, effect: str) -> None:
+    assert not judged(tmp_path, 34, effect)["confidently_wrong"]
