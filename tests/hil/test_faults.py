@@ -230,6 +230,43 @@ def test_a_wheel_that_the_other_one_turns_back_from_rest_trips_nothing(
             assert latched(device) == set(), (own, other)
 
 
+@pytest.mark.parametrize("wheel", [LEFT, RIGHT], ids=["left", "right"])
+def test_counts_that_no_wheel_can_make_stop_the_wheels(robot: VirtualRobot, wheel: int) -> None:
+    device = host(robot)
+    start(device, tp.SegmentKind.EFFORT, 0.3, 0.3)
+    robot.run_us(500_000)
+    robot.turn_by_hand(wheel, turns=0.5, duration_s=0.02)  # as of a wheel at 10 m/s
+    took_ms = until_braked(robot)
+    assert latched(device) == {("encoder_left_implausible", "encoder_right_implausible")[wheel]}
+    assert took_ms == 0.0
+    robot.run_us(500_000)
+    clear_and_drive(device)
+
+
+def test_a_supply_that_was_low_must_rise_by_the_hysteresis_before_it_is_cleared(robot: VirtualRobot) -> None:
+    device = host(robot)
+    start(device, tp.SegmentKind.EFFORT, 0.3, 0.3)
+    robot.run_us(500_000)
+    robot.set_bench_voltage(8.8)
+    until_braked(robot)
+    robot.set_bench_voltage(9.3)  # above battery_low_v, 9.0, and not yet by battery_hysteresis_v, 0.5
+    robot.run_us(1_000_000)
+    with pytest.raises(Refused):
+        device.clear_faults()
+    assert latched(device) == {"battery_low"}
+    robot.set_bench_voltage(9.7)
+    robot.run_us(500_000)
+    clear_and_drive(device)
+
+
+def test_every_fault_of_the_schema_is_provoked_on_the_virtual_board() -> None:
+    """Whoever adds a fault adds a test that names it; QEMU's, where nothing moves, do not count."""
+    files = [path for path in Path(__file__).parent.glob("test_*.py") if "qemu" not in path.name]
+    text = "".join(path.read_text(encoding="utf-8") for path in files)
+    missing = [fault.name for fault in tp.FAULTS if f'"{fault.name}"' not in text]
+    assert missing == []
+
+
 def test_a_silent_host_stops_the_wheels(robot: VirtualRobot) -> None:
     device = host(robot)
     device.set_effort(0.3, 0.3)
