@@ -54,9 +54,6 @@ void hal_drive(const int16_t effort_e4[HAL_WHEELS]);
 /* Takes up to `capacity` received bytes out of the link; returns how many. */
 size_t hal_link_read(uint8_t *out, size_t capacity);
 
-/* Bytes that hal_link_write would take now. */
-size_t hal_link_writable(void);
-
 /* Queues bytes for sending; returns how many were taken (all or the part that fits). */
 size_t hal_link_write(const uint8_t *data, size_t length);
 

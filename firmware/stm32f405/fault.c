@@ -1,6 +1,8 @@
 /* Keeps the registers of a fault where a reset does not reach them, after the bridges have been braked. */
 #include "fault.h"
 
+#include <stddef.h>
+
 #include "cortex.h"
 #include "hal.h"
 #include "motors.h"
@@ -62,8 +64,8 @@ _Noreturn void record_fault(const struct exception_frame *frame)
     last_fault.magic = 0;
     last_fault.count++;
     last_fault.exception = cpu_active_exception();
-    last_fault.has_frame = frame != 0;
-    if (frame != 0) {
+    last_fault.has_frame = frame != NULL;
+    if (frame != NULL) {
         last_fault.r0 = frame->r0;
         last_fault.r1 = frame->r1;
         last_fault.r2 = frame->r2;

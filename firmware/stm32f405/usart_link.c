@@ -134,14 +134,9 @@ size_t hal_link_read(uint8_t *out, size_t capacity)
     return count;
 }
 
-size_t hal_link_writable(void)
-{
-    return TX_SIZE - (tx_head - tx_tail);
-}
-
 size_t hal_link_write(const uint8_t *data, size_t length)
 {
-    const size_t room = hal_link_writable();
+    const size_t room = TX_SIZE - (tx_head - tx_tail);
     const size_t count = length < room ? length : room;
     uint32_t head = tx_head;
     for (size_t i = 0; i < count; i++) {

@@ -103,14 +103,10 @@ size_t hal_link_read(uint8_t *out, size_t capacity)
     return taken;
 }
 
-size_t hal_link_writable(void)
-{
-    return least(current->line_room, sizeof current->sent - current->sent_length);
-}
-
 size_t hal_link_write(const uint8_t *data, size_t length)
 {
-    const size_t taken = least(length, hal_link_writable());
+    const size_t taken =
+        least(length, least(current->line_room, sizeof current->sent - current->sent_length));
     memcpy(current->sent + current->sent_length, data, taken);
     current->sent_length += taken;
     if (current->line_room != SIZE_MAX) {
