@@ -9,6 +9,7 @@ else that escapes is a bug in truing and keeps its traceback.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 
@@ -30,6 +31,18 @@ class TruingError(Exception):
 
     def __str__(self) -> str:
         return self.message
+
+    def __reduce__(self) -> tuple[Callable[..., TruingError], tuple[object, ...]]:
+        # An exception's own way makes the copy from its message alone, which most of those below refuse:
+        # then an error in a worker process would end the whole pool.
+        return _copied, (type(self), self.args, self.__dict__)
+
+
+def _copied(kind: type[TruingError], args: tuple[object, ...], state: dict[str, object]) -> TruingError:
+    error = kind.__new__(kind)
+    error.args = args
+    error.__dict__.update(state)
+    return error
 
 
 class FileError(TruingError):
