@@ -1,8 +1,9 @@
 """95 % intervals of fitted numbers: what the noise allows, and what the blocks of time themselves show.
 
-Two covariances, the wider of which counts for each number: the curvature of the whitened likelihood, which
-is right where the noise model is; and the sandwich over blocks of time (Liang & Zeger 1986), which needs no
-noise model but enough blocks.
+Three covariances, the widest of which counts for each number: the curvature of the whitened likelihood, which
+is right where the noise model is; and the sandwich (Liang & Zeger 1986) over blocks of time and over whole
+runs, which needs no noise model but enough of them. Runs also show where an equation is only near the robot:
+then each run asks for another number.
 """
 
 from __future__ import annotations
@@ -16,30 +17,28 @@ from truing.diagnose.compare import row_blocks
 from truing.diagnose.fit import Fit
 from truing.diagnose.problem import CLIP, Problem
 from truing.diagnose.result import EffectParameter
-from truing.model.kernel import FloatArray
+from truing.model.kernel import FloatArray, IntArray
+
+# So many runs tell how far runs differ. Pose windows in one cluster: more than any run has.
+LEAST_RUNS, WHOLE_RUN = 6, 1_000_000
 
 
 def covariance(problem: Problem, done: Fit) -> FloatArray:
-    """Of the free numbers, shape (p, p); each variance the wider of the two."""
+    """Of the free numbers, shape (p, p); each variance the widest of the three."""
     flat = done.residual.flat()
     raw = problem.jacobian(done.theta, done.effects, done.columns)
     jacobian = raw * (CLIP / np.maximum(np.abs(flat), CLIP))[:, None]
     scale = np.sqrt(np.maximum(np.sum(jacobian**2, axis=0), 1e-12))
     unit = jacobian / scale
     bread = np.linalg.pinv(unit.T @ unit, rcond=1e-10)
-    rows = np.repeat(row_blocks(problem), 2)
-    block = rows
-    if len(problem.pose_counted):
-        windows = np.repeat(problem.simulator.pose_runs(1), 3) + rows.max() + 1
-        block = np.concatenate((rows, windows))
-    scores = np.zeros((int(block.max()) + 1, len(scale)))
-    np.add.at(scores, block, unit * flat[:, None])
-    used = np.flatnonzero(np.any(scores != 0.0, axis=1))
-    count = max(len(used), 2)
-    sandwich = bread @ (scores.T @ scores) @ bread * (count / (count - 1.0))
+    pieces = unit * flat[:, None]
+    between = [_sandwich(bread, pieces, _clusters(problem, row_blocks(problem), 1))]
+    if problem.data.runs >= LEAST_RUNS:
+        runs = problem.data.run_of_row.astype(np.int64)
+        between.append(_sandwich(bread, pieces, _clusters(problem, runs, WHOLE_RUN)))
     variance = float(flat @ flat) / max(int((flat != 0.0).sum()) - len(scale), 1)
     likelihood = bread * max(variance, 0.25)
-    wider = np.sqrt(np.maximum(np.diag(sandwich), np.diag(likelihood)))
+    wider = np.sqrt(np.max([*between, np.diag(likelihood)], axis=0))
     told = np.diag(likelihood) > 0.0
     size = np.sqrt(np.where(told, np.diag(likelihood), 1.0))
     correlation = likelihood / np.outer(size, size) + np.diag(np.where(told, 0.0, 1.0))
@@ -47,6 +46,24 @@ def covariance(problem: Problem, done: Fit) -> FloatArray:
     anything = np.array([0.25 * (column.upper - column.lower) for column in done.columns])
     deviation = np.where(told, wider / scale, anything)
     return np.asarray(correlation * np.outer(deviation, deviation))
+
+
+def _clusters(problem: Problem, rows: IntArray, windows: int) -> IntArray:
+    """Cluster number of each entry of the flat residual; pose windows have clusters of their own."""
+    wheels = np.repeat(rows, 2)
+    if not len(problem.pose_counted):
+        return wheels
+    poses = np.repeat(problem.simulator.pose_runs(windows), 3) + int(wheels.max()) + 1
+    return np.concatenate((wheels, poses))
+
+
+def _sandwich(bread: FloatArray, pieces: FloatArray, cluster: IntArray) -> FloatArray:
+    """Variances (p,) from what clusters ask for; widened for their number as Student's t is."""
+    scores = np.zeros((int(cluster.max()) + 1, pieces.shape[1]))
+    np.add.at(scores, cluster, pieces)
+    count = max(int(np.any(scores != 0.0, axis=1).sum()), 2)
+    wider = (stats.t.ppf(0.975, count - 1) / stats.norm.ppf(0.975)) ** 2 * count / (count - 1.0)
+    return np.asarray(np.diag(bread @ (scores.T @ scores) @ bread) * wider)
 
 
 def effect_parameters(
