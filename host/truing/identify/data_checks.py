@@ -6,16 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from truing.baseline import Baseline
 from truing.errors import IdentifyError
 from truing.recording import MOTION_PAIRS, WHEELS, FloatArray, RecordingSet, Run, Wheel
+
+BoolArray = NDArray[np.bool_]
 
 # Beyond these it is not a robot: volts, microseconds or a damaged file.
 LARGEST_EFFORT = 1000.0
 LARGEST_SPEED_MPS = 1000.0
 # Wheels under the same effort should turn alike; a slower one below this share is worth a word.
 ALIKE_SHARE = 0.8
+# Wheels that were driven apart are compared again after this long under the same effort, s.
+SETTLED_S = 1.0
 # Rows faster than this share of the fastest show what an encoder does.
 MOVING_SHARE = 0.25
 # A speed that repeats itself this often while moving is updated more slowly than it is logged.
@@ -158,6 +163,13 @@ def _check_position(run: Run, wheel: Wheel) -> list[Finding]:
     return [Finding(run.name, text, wheel, "jump")]
 
 
+def _lasting(holds: BoolArray, rows: int) -> BoolArray:
+    """Where `holds` (n,) has been true for so many rows before: wheels driven apart take time to meet."""
+    index = np.arange(len(holds))
+    last_false = np.maximum.accumulate(np.where(holds, -1, index))
+    return np.asarray(index - last_false > rows)
+
+
 def _check_sides(run: Run, baseline: Baseline | None) -> list[Finding]:
     """One wheel much slower than the other under the same effort."""
     left, right = (run.speed(wheel, baseline).values for wheel in WHEELS)
@@ -165,6 +177,7 @@ def _check_sides(run: Run, baseline: Baseline | None) -> list[Finding]:
     largest = float(np.percentile(np.abs(efforts), 98))
     same = np.abs(efforts[0] - efforts[1]) < 0.05 * largest
     fastest = np.maximum(np.abs(left), np.abs(right))
+    same &= _lasting(same, max(1, round(SETTLED_S / run.interval_s)))
     rows = same & (fastest > MOVING_SHARE * np.percentile(fastest, 98))
     if rows.sum() < 20 or largest < 0.02:
         return []
