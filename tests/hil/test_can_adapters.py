@@ -28,7 +28,7 @@ from truing.link.connect import VirtualOptions, open_can_bus, open_stream
 from truing.log_decode import decode_log
 from truing.plan import Kind, Plan, Segment, load_plan
 
-LONG_LOG = Plan("long", "long", load_plan("paper/XI").segments, log_rate_hz=200)
+LONG_LOG = Plan("long", "long", 4 * load_plan("paper/XI").segments, log_rate_hz=200)
 MANY = Plan(
     "many", "a sequence of several messages", tuple(Segment(Kind.EFFORT, 0.01, 0.3, 0.2) for _ in range(200))
 )

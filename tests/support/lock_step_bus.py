@@ -11,6 +11,7 @@ from hil_sim import VirtualCanBus
 from truing.link.can_bus import AdapterBus
 
 _STEP_US = 100
+_SLEEP_STEP_US = 5_000  # few frames come in it, and the terminal holds them
 _PATIENCE_S = 60.0  # of the operating system, which owes what was written; no virtual time passes meanwhile
 
 
@@ -67,7 +68,7 @@ class LockStepBus(AdapterBus):
     def sleep(self, seconds: float) -> None:
         left = round(seconds * 1e6)
         while left > 0:
-            left -= self._pass(min(left, _STEP_US))
+            left -= self._pass(min(left, _SLEEP_STEP_US))
 
     def now_s(self) -> float:
         return self._line.time_s
