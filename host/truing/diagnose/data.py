@@ -25,6 +25,9 @@ MINIMUM_SEGMENT_ROWS = 4
 # A segment whose first rows are slower than this share of full speed starts at rest.
 AT_REST_SHARE = 0.01
 
+# Positions whose steps are finer than this, m, are no counts.
+LEAST_GRAIN_M = 1e-5
+
 # Poses are judged over windows of this length, s: an error of odometry shows over a second, a delay of a
 # command over less.
 POSE_HORIZON_S, COMMANDED_HORIZON_S = 2.0, 0.25
@@ -285,7 +288,10 @@ def set_data(
         speed_mps=speed,
         usable=np.concatenate([mask[keep] for mask, keep in zip(usable, rows_of_run, strict=True)]),
         source=source,
-        resolution_mps=float(np.median([item.resolution for both_ in speeds for item in both_])),
+        resolution_mps=max(
+            float(np.median([item.resolution for both_ in speeds for item in both_])),
+            _grain(travel, starts) / float(np.median(interval_s)) if source == "pos" else 0.0,
+        ),
         initial_mps=_initial(t_s, effort, speed, starts, baseline),
         travel_m=travel,
         angle_rad=angle,
@@ -302,6 +308,18 @@ def set_data(
         modes=tuple(run.mode for run in runs),
         commanded=commanded,
     )
+
+
+def _grain(travel: FloatArray, starts: IntArray) -> float:
+    """The step that all travel (n, 2) is made of, m; 0 where there is none: positions made from counts."""
+    steps = np.abs(np.diff(travel, axis=0))
+    steps[starts[1:-1] - 1] = 0.0
+    steps = steps[steps > LEAST_GRAIN_M]
+    if not len(steps):
+        return 0.0
+    grain = float(np.min(steps))
+    off = np.abs(steps / grain - np.round(steps / grain))
+    return grain if float(np.percentile(off, 90)) < 0.05 else 0.0
 
 
 def held_pieces(

@@ -15,7 +15,7 @@ from truing.diagnose.adequacy import Structure, find_bursts
 from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.compare import differences, moment_gains
 from truing.diagnose.fit import Fit, judge
-from truing.diagnose.problem import Problem
+from truing.diagnose.problem import LEAST_COUNTS, Problem
 from truing.diagnose.result import Verdict
 from truing.diagnose.search import Search
 
@@ -41,6 +41,8 @@ LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.35, 3.0, 0.3
 LEAST_FORETOLD, LEAST_BURSTS, LEFT_OF_EXPLAINED = 0.06, 0.12, 0.4
 # Bursts in more than this share of the rows are no events: the noise itself is larger there.
 MOST_BURST_ROWS = 0.1
+# A residual is more than rounding above this many times rounding's own RMS.
+ABOVE_ROUNDING = 1.2
 # The baseline's numbers are off beyond this RMS over noise.
 OFF_TIMES = 0.15
 
@@ -79,7 +81,7 @@ def reason(search: Search, tried: list[str], structure_of: object) -> Reasoning:
     start = problem.simulator.start()
     given = Fit((), start, (), problem.residual(start, ()))
     best = choose(search, base)
-    left = structure_of(problem, best)  # type: ignore[operator]
+    left = beyond_resolution(problem, best, structure_of(problem, best))  # type: ignore[operator]
     rivals = rivals_of(search, best) if best.effects else ()
     strength = search.better(best, base).times_noise if best.effects else 0.0
     if remains(left, strength) or outweighs(search, left, best, base):
@@ -160,6 +162,18 @@ def _only_richer(search: Search, best: Fit, other: Fit) -> bool:
     if len(new) != 1 or len(old) != 1 or CATALOGUE[new[0]].extends != old[0]:
         return False
     return search.better(best, other).gain > -SURE_GAIN
+
+
+def beyond_resolution(problem: Problem, best: Fit, left: Structure) -> Structure:
+    """The structure, without that of a wheel whose whole residual is what rounding to counts makes.
+
+    Runs that repeat each other repeat their rounding too, so that it can be foretold; it says nothing.
+    """
+    residual = problem.data.speed_mps - best.residual.speeds
+    weight = problem.counted
+    rms = np.sqrt((weight * residual**2).sum(axis=0) / np.maximum(weight.sum(axis=0), 1.0))
+    seen = rms > ABOVE_ROUNDING * LEAST_COUNTS * problem.data.resolution_mps
+    return Structure(np.where(seen, left.share, 0.0), left.error, left.foretold)
 
 
 def remains(left: Structure, strength: float) -> bool:

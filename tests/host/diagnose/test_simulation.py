@@ -198,7 +198,7 @@ def test_a_pose_that_the_wheels_explain_leaves_nothing() -> None:
     left = simulator.pose_residuals(simulator.start(), simulator.enabled([]), 1.0)
     assert left.shape == (5, 3)
     np.testing.assert_allclose(left, 0.0, atol=1e-5)
-    np.testing.assert_array_equal(simulator.pose_runs(2), [0, 0, 1, 1, 2])
+    np.testing.assert_array_equal(simulator.pose_runs(2, 1.0), [0, 0, 1, 1, 2])
 
 
 def test_a_gyro_alone_judges_the_turn() -> None:
