@@ -256,7 +256,7 @@ def test_the_picture_keeps_thirty_frames_a_second(page):
 def test_no_page_has_a_serious_fault_of_access_or_scrolls_sideways(browser, bench, problems, path, width):
     page = open_page(browser, bench, problems, path, width, 720 if width > 500 else 844)
     try:
-        wait(lambda: page.locator("main canvas").count() > 0, "a picture")
+        wait(lambda: page.locator("main canvas, main .main-svg").count() > 0, "a picture")
         assert not faults_of_access(page)
         assert page.evaluate("document.documentElement.scrollWidth") <= width
     finally:
