@@ -155,7 +155,9 @@ def features(data: SetData, speeds: FloatArray, wheel: int, tau: float) -> Float
         torque += [trig(k * angle) * moving for k in (1, 2, 3, 4, 6) for trig in (np.sin, np.cos)]
     if data.heading_rad is not None:
         torque += [np.sin(data.heading_rad), np.cos(data.heading_rad)]
-        torque += [bump * direction for bump in _places(data) for direction in (sign, x)]
+        place = _place(data)
+        torque += [bump * direction for bump in _bumps(place) for direction in (sign, x)]
+        torque += _pulls(data, place, data.heading_rad)
     through = _lag(data, np.stack(torque, axis=1), tau)
     plain = [x, x * np.abs(x), x**3, np.abs(x), time * x, *_steps(data, u)]
     if angle is not None:
@@ -163,20 +165,23 @@ def features(data: SetData, speeds: FloatArray, wheel: int, tau: float) -> Float
     return np.concatenate((through, np.stack(plain, axis=1)), axis=1)
 
 
-def _places(data: SetData) -> list[FloatArray]:
-    """Bumps over the floor that the robot crossed, each (n,): does the place itself matter."""
+def _place(data: SetData) -> FloatArray:
+    """Where the robot is, shape (n, 2), m: from outside, or summed up from each run's start."""
     assert data.heading_rad is not None
-    known = np.isfinite(data.truth).all()
-    if known:
-        place = data.truth[:, :2]
-    else:
-        step = np.zeros(len(data))
-        step[1:] = np.diff(data.travel_m.mean(axis=1))
-        step[data.first] = 0.0
-        heading = data.heading_rad
-        place = np.stack([step * np.cos(heading), step * np.sin(heading)], axis=1)
-        for a, b in zip(data.starts[:-1], data.starts[1:], strict=True):
-            place[a:b] = np.cumsum(place[a:b], axis=0)
+    if np.isfinite(data.truth).all():
+        return np.asarray(data.truth[:, :2])
+    step = np.zeros(len(data))
+    step[1:] = np.diff(data.travel_m.mean(axis=1))
+    step[data.first] = 0.0
+    heading = data.heading_rad
+    place = np.stack([step * np.cos(heading), step * np.sin(heading)], axis=1)
+    for a, b in zip(data.starts[:-1], data.starts[1:], strict=True):
+        place[a:b] = np.cumsum(place[a:b], axis=0)
+    return place
+
+
+def _bumps(place: FloatArray) -> list[FloatArray]:
+    """Bumps over the floor that the robot crossed, each (n,): does the place itself matter."""
     low, high = np.percentile(place, (2, 98), axis=0)
     size = np.maximum((high - low) / (PLACES - 1), 0.05)
     bumps = []
@@ -187,6 +192,17 @@ def _places(data: SetData) -> list[FloatArray]:
             if bump.mean() > 2e-3:
                 bumps.append(bump)
     return bumps
+
+
+def _pulls(data: SetData, place: FloatArray, heading: FloatArray) -> list[FloatArray]:
+    """Forces along the heading that grow with the way from a run's start or from the floor's middle."""
+    runs = np.unique(data.run_of_row, return_inverse=True)[1]
+    begins = np.unique(data.run_of_row, return_index=True)[1]
+    out = []
+    for away in (place - place[begins][runs], place - place.mean(axis=0)):
+        away = away / max(float(np.sqrt(np.mean(away**2))), 1e-6)
+        out += [away[:, i] * turned for i in range(2) for turned in (np.cos(heading), np.sin(heading))]
+    return out
 
 
 def _steps(data: SetData, u: FloatArray) -> list[FloatArray]:

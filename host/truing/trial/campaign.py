@@ -112,7 +112,7 @@ def score(asked: Asked, result: TrialResult, place: Path) -> Score:
 
     Parameters
     ----------
-    place : holds `set`, and `judged` when there are judging runs.
+    place : holds `set`, and `judged` with the judging runs that the board let end, if any.
     """
     answer = result.answer
     hidden = tuple(str(each["name"]) for each in answer["effects"])
@@ -123,7 +123,7 @@ def score(asked: Asked, result: TrialResult, place: Path) -> Score:
     in_doubt = first.verdict == "ambiguous" and worth.named and family in IN_CATALOGUE
     began = time.process_time()
     measured, methods = {}, {}
-    if asked.judged is not None:
+    if asked.judged is not None and any(asked.judged.glob("runs/*.csv")):
         # Loaded here, so that a trial without judging runs does without.
         from truing.trial.bench import Bench
         from truing.trial.measure import measure

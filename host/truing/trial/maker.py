@@ -115,13 +115,13 @@ def obey(making: Making, text: str) -> None:
 
 
 def _judge(making: Making, folder: Path) -> None:
-    """Drive the judging runs, as far as the board lets them, and write the truth about all runs."""
+    """Drive those judging runs that the board lets end, and write the truth about all runs."""
     trial = making.prepared.trial
     for plan in judging_plans(trial.seed, trial.robot):
         try:
             making.drive([plan])
         except (BoardFault, Refused):
-            break
+            continue
     making.write(folder)
     making.write_truth(folder)
 
