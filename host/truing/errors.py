@@ -142,14 +142,18 @@ class Refused(TruingError):
     Parameters
     ----------
     request, reason : names from the protocol's schema.
+    faults : the names of the faults that the board gives as its reason; none where it gives another.
     """
 
     exit_code = 1
 
-    def __init__(self, request: str, reason: str, message: str, next_step: str = "") -> None:
+    def __init__(
+        self, request: str, reason: str, message: str, next_step: str = "", faults: tuple[str, ...] = ()
+    ) -> None:
         super().__init__(message, next_step)
         self.request = request
         self.reason = reason
+        self.faults = faults
 
 
 class BoardFault(TruingError):

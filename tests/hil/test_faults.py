@@ -19,7 +19,7 @@ from truing.device import Device
 from truing.errors import Refused
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
-from truing.plan import Plan, built_in_names, load_plan
+from truing.plan import Kind, Plan, Segment, built_in_names, load_plan
 
 BRAKE = ((1.0, 1.0), (1.0, 1.0))
 LEFT, RIGHT = 0, 1
@@ -414,6 +414,23 @@ def test_reversals_at_any_moment_trip_nothing(image: Path, native_library: Path,
         at = device.sequence_state()
         assert latched(device) == set(), segments[at.current_segment]
         assert at.sequence_state == tp.SequenceState.DONE
+
+
+def test_a_sequence_begins_once_the_wheels_of_the_one_before_have_come_to_rest(robot: VirtualRobot) -> None:
+    device = host(robot)
+    sequence = device.upload(Plan("sprint", "", (Segment(Kind.EFFORT, 1.5, 0.9, 0.9),)))
+    device.start(sequence)
+    while device.status().state == tp.State.SEQUENCE:
+        robot.run_us(20_000)
+    ended_s = robot.time_s
+    assert min(device.status().speed_mps) > 0.5
+    with pytest.raises(Refused, match="implausible"):
+        device.client.request(tp.SeqStartRequest(sequence.crc32))
+    device.start(sequence)
+    print(f"began {robot.time_s - ended_s:.2f} s after the end of the one before")
+    assert 0.1 < robot.time_s - ended_s < 2.5
+    assert latched(device) == set()
+    assert device.status().state == tp.State.SEQUENCE
 
 
 def test_no_plan_that_truing_brings_along_trips_a_fault(image: Path, native_library: Path) -> None:

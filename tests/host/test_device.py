@@ -140,6 +140,19 @@ def test_a_drive_runs_to_its_end_and_reports_progress() -> None:
     assert len(seen) > 20
 
 
+def test_a_start_waits_for_wheels_that_still_roll_but_not_for_ever_nor_for_anything_else() -> None:
+    left = next(fault.mask for fault in tp.FAULTS if fault.name == "encoder_left_implausible")
+    supply = next(fault.mask for fault in tp.FAULTS if fault.name == "battery_low")
+    for bits, at_least, at_most in ((left, 2.0, 3.0), (left | supply, 0.0, 0.1), (supply, 0.0, 0.1)):
+        board = FakeBoard(refuse={"seq_start": (tp.RefusalReason.SELF_CHECK_FAILED, bits)})
+        device = open_on(board)
+        sequence = device.upload(load_plan("paper/I"))
+        began = board.now_s
+        with pytest.raises(Refused, match="self_check_failed"):
+            device.start(sequence)
+        assert at_least <= board.now_s - began <= at_most
+
+
 def test_an_interrupt_stops_the_wheels_at_once_and_says_so() -> None:
     board = FakeBoard()
     interrupts = Interrupts()

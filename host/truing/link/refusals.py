@@ -51,14 +51,14 @@ def refused(request: str, refusal: Refusal) -> Refused:
     next_step = _NEXT_STEP.get(reason, "")
     meaning = REFUSAL_MEANING[reason].split("; `detail`")[0].split("; clear_faults")[0]
     text = f"the board refused {request}: {name} ({meaning}"
+    faults = faults_in(refusal.detail) if reason in _WITH_FAULTS else ()
     if reason in _WITH_FAULTS:
-        faults = faults_in(refusal.detail)
         text += ": " + ", ".join(f"{fault.name}, {fault.cause}" for fault in faults) + ")"
         if faults:
             next_step = "; ".join(fault.next_step for fault in faults) + "; then `truing faults --clear`"
     else:
         text += _detail(reason, request, refusal.detail) + ")"
-    return Refused(request, name, text, next_step)
+    return Refused(request, name, text, next_step, tuple(fault.name for fault in faults))
 
 
 def _detail(reason: RefusalReason, request: str, detail: int) -> str:
