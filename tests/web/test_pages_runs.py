@@ -112,6 +112,43 @@ def test_what_a_diagnosis_found_is_dropped_in_and_turned(page, bench):
     assert read_baseline(file).effects["coulomb_friction"]["left"] == pytest.approx(0.12, abs=0.01)
 
 
+def test_control_inputs_are_replayed_under_the_model_in_force(page):
+    drifting = json.loads(json.dumps(VERDICT)) | {"name": "drifting"}
+    drifting["effects"][0] |= {"name": "heading_drift", "scope": "body"}
+    drifting["effects"][0]["parameters"] = {
+        "drift": {"value": 0.3, "ci95": [0.28, 0.32], "unit": "rad/m"},
+        "distance_scale": {"value": 0.0, "ci95": [-0.01, 0.01], "unit": "1"},
+    }
+    go(page, "5", "Error models")
+    page.get_by_role("button", name="Found", exact=True).click()
+    file = {"name": "drifting.json", "mimeType": "application/json", "buffer": json.dumps(drifting).encode()}
+    page.locator(".drop-zone input").set_input_files(file)
+    page.get_by_role("slider", name="heading drift: drift, rad/m").wait_for()
+    page.get_by_role("button", name="Save as the robot's model").click()
+    page.get_by_text("robot.toml", exact=False).first.wait_for()
+    go(page, "3", "Trajectory")
+    page.get_by_role("button", name="Lines", exact=True).click()
+    canvas = page.locator("main canvas").first
+    box = canvas.bounding_box()
+    canvas.click(position={"x": box["width"] / 2 + 150, "y": box["height"] / 2})
+    page.get_by_text("ends at", exact=False).first.wait_for()
+    found = page.get_by_role("button", name="Found", exact=True)
+    wait(lambda: found.get_attribute("aria-pressed") == "true", "the saved model in force")
+    page.get_by_role("button", name="Replay", exact=True).click()
+    wait(lambda: paths(page), "a path under what was found", 150.0)
+    ((_, (_x, y, theta)),) = paths(page)
+    assert theta == pytest.approx(0.3 * 1.5, rel=0.15)
+    assert y > 0.15
+    page.get_by_text("with what was found: ends at", exact=False).wait_for()
+    page.get_by_role("button", name="The paper's", exact=True).click()
+    page.get_by_role("button", name="Replay", exact=True).click()
+    wait(lambda: paths(page) and paths(page)[0][1][1] < -0.1, "the paper's drift, to the right")
+    page.get_by_role("button", name="None", exact=True).click()
+    page.get_by_role("button", name="Replay", exact=True).click()
+    page.get_by_text("exactly where it is told", exact=False).wait_for()
+    assert not paths(page)
+
+
 def statistics(page):
     return page.get_by_role("table", name="Statistics of the selection").locator("tbody tr").all_inner_texts()
 

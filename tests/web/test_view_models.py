@@ -9,6 +9,7 @@ import pytest
 
 from truing.baseline import read_baseline
 from truing.errors import FileError
+from truing.recording import Run
 from truing.recording_reader import read_run
 from truing.web.comparison import compare
 from truing.web.comparison_view import shown, speed_error
@@ -22,6 +23,10 @@ from truing.web.error_model import (
     read_verdict,
     save_model,
 )
+from truing.web.known_robot import known_robot, robot_of
+from truing.web.plan_rollout import plan_rollout
+from truing.web.pose import Pose
+from truing.web.trajectory import Cycle, poses
 from web.made_runs import BASELINE, VERDICT, made_set, straight_run
 
 
@@ -143,3 +148,50 @@ def test_dropped_files_are_kept_by_what_they_are(tmp_path):
     assert not (diagnoses / "y.json").exists()
     with pytest.raises(FileError):
         read_verdict(tmp_path / "nowhere.json")
+
+
+def test_what_was_found_acts_on_control_inputs_that_a_controller_holds():
+    known = robot_of(known_robot({}))
+    cycles = [Cycle(min(0.1 * k, 0.5), 0.0) for k in range(1, 40)] + [
+        Cycle(0.5 - 0.1 * k, 0.0) for k in range(1, 6)
+    ]
+    desired = poses(Pose(0.5, 0.5, 0.0), cycles)[-1]
+
+    def end(**effects):
+        model = ModelChoice("found", effects=effects)
+        return plan_rollout(cycles, known, model.applied(known), Pose(0.5, 0.5, 0.0))[-1]
+
+    plain = end()
+    assert np.hypot(plain[0] - desired.x_m, plain[1] - desired.y_m) < 0.02
+    way = desired.x_m - 0.5
+    # What no encoder sees bends the path as it is.
+    drifted = end(heading_drift={"drift": -0.3, "distance_scale": 0.0})
+    assert drifted[2] == pytest.approx(-0.3 * way, rel=0.05)
+    # What acts on the wheels is what the controller leaves of it: 0.05 of effort is 0.075 m/s.
+    slowed = end(coulomb_friction={"left": 0.05, "right": 0.05})
+    assert 0.005 < plain[0] - slowed[0] < 0.3 * 0.075 * 4.4
+    # Beyond the effort's end no controller helps.
+    assert end(speed_limit={"limit": 0.3})[0] < 0.5 + 0.3 * 5.5
+
+
+def test_charge_that_earlier_runs_drew_is_missing_in_a_later_one(tmp_path):
+    folder = made_set(tmp_path / "made")
+    baseline = read_baseline(folder / "baseline.toml")
+    runs = [read_run(path) for path in sorted((folder / "runs").glob("*.csv"))]
+    tired = ModelChoice("found", effects={"supply_sag": {"drop_at_stall": 0.0, "drop_over_set": 0.2}})
+
+    def way(run, whole):
+        found = compare(run, baseline, None, tired, whole=lambda: whole)
+        assert found.modelled is not None
+        return found.modelled.end.x_m, found.notes
+
+    # By itself a run draws the set's whole charge in its own course: wrong for the first and the last.
+    assert way(runs[0], runs)[0] > way(runs[0], [])[0] + 0.02
+    alone, _ = way(runs[2], [])
+    among, notes = way(runs[2], runs)
+    assert among < alone - 0.02
+    assert not any("charge" in note for note in notes)
+    without = {name: values for name, values in runs[1].columns.items() if "vel" not in name}
+    broken, notes = way(runs[2], [runs[0], Run("other", without), runs[2]])
+    assert broken == pytest.approx(alone)
+    assert any("charge" in note for note in notes)

@@ -10,6 +10,7 @@ one, and the robot's own odometry where it has not.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +23,7 @@ from truing.model.wheel import WheelPhysics
 from truing.paper_mom import NO_ERROR, ErrorModel
 from truing.plan import Plan
 from truing.recording import WHEELS, FloatArray, Run, Wheel
-from truing.web.effect_rollout import effect_rollout
+from truing.web.effect_rollout import effect_rollout, remembers
 from truing.web.error_model import ModelChoice
 from truing.web.error_replay import replay_path, steps_of
 from truing.web.pose import Pose, wrapped
@@ -113,8 +114,13 @@ def compare(
     model: ModelChoice | None = None,
     start: Pose | None = None,
     wheelbase_m: float | None = None,
+    whole: Callable[[], Sequence[Run]] = tuple,
 ) -> Comparison:
     """Lay a run beside its simulations, all from the pose `start`.
+
+    Parameters
+    ----------
+    whole : the set that the run belongs to, asked for where the model has effects that remember.
 
     Raises
     ------
@@ -145,9 +151,21 @@ def compare(
         elif simulated is not None and width:
             modelled = _bent(simulated, model.paper, start, width)
     elif model is not None and model.kind == "found" and baseline is not None and width:
-        t, speeds, path = effect_rollout(run, model.applied(baseline), start)
+        t, speeds, path = _found_rollout(run, model.applied(baseline), start, whole, notes)
         modelled = Curve(COLUMNS[2], t, path, speeds[:, 0], speeds[:, 1])
     return Comparison(run, desired, simulated, modelled, real, tuple(notes))
+
+
+def _found_rollout(
+    run: Run, robot: Baseline, start: Pose, whole: Callable[[], Sequence[Run]], notes: list[str]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    if remembers(robot):
+        try:
+            return effect_rollout(run, robot, start, whole())
+        except TruingError as error:
+            # Runs beside it may be of another make, or broken.
+            notes.append(f"charge, heat and wheel angle begin with this run: {error}")
+    return effect_rollout(run, robot, start)
 
 
 def _replayed(name: str, model: ErrorModel, start: Pose, cycles: list[Cycle]) -> Curve:

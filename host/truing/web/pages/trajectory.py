@@ -10,7 +10,9 @@ from truing.errors import TruingError
 from truing.plan import Plan
 from truing.web.board_worker import RunOrder
 from truing.web.elements import Choice, ModelKeys, PlainTable, TopView, button, heading, number, say, tag
+from truing.web.error_model import KINDS, Kind
 from truing.web.error_replay import replay_cycles
+from truing.web.known_robot import known_robot
 from truing.web.pages.live import task_panel
 from truing.web.path_segments import Node, cycles_of, segments_through
 from truing.web.pose import Pose
@@ -21,6 +23,8 @@ from truing.web.trajectory import Cycle, KeyTrajectory, braked, drawn, duration_
 _TOOLS = {"pan": "Keys", "line": "Lines", "arc": "Arcs"}
 _MOST_NODES = 60
 _SHOWN_INPUTS = 6
+_MODEL_COLOUR = "#d2a8ff"
+_KINDS: dict[str, Kind] = {str(kind): kind for kind in KINDS}
 
 
 def build(session: ViewSession) -> None:
@@ -63,6 +67,7 @@ class _TrajectoryPage:
                     self.told = tag("p", classes="num", role="status", style="margin:0")
                     self.held = tag("p", classes="held", role="status", style="margin:0")
                     self.table = PlainTable("The last control inputs")
+                self._replay()
                 self._file()
                 task_panel()
         keys = ModelKeys()
@@ -99,6 +104,15 @@ class _TrajectoryPage:
                 number("y, m", 0.0, lambda v: self.set_start(y=v), low=-50, high=50, step=0.1)
                 number("heading, °", 0.0, lambda v: self.set_start(theta=v), low=-360, high=360, step=5)
 
+    def _replay(self) -> None:
+        with tag("div"):
+            heading("Replay on the model")
+            with tag("div", classes="row-tight"):
+                texts = {str(kind): text for kind, text in KINDS.items()}
+                Choice("Error model of the replay", texts, self.session.model.kind, self.choose_model)
+                button("Replay", self.replay)
+            self.replayed = tag("p", classes="told num", role="status", style="margin:4px 0 0")
+
     def _file(self) -> None:
         with tag("div"):
             heading("Sequence")
@@ -106,8 +120,6 @@ class _TrajectoryPage:
                 name = ui.input("Name", value=self.name).props("dense outlined dark").style("width:130px")
                 name.on_value_change(lambda event: setattr(self, "name", str(event.value)))
                 button("Reset", self.reset)
-                button("Replay", self.replay)
-            with tag("div", classes="row-tight", style="margin-top:8px"):
                 button("Save", self.save)
                 button("Upload and run", self.run, strong=True)
             self.saved = tag("p", classes="told dim", role="status", style="margin:4px 0 0")
@@ -234,27 +246,57 @@ class _TrajectoryPage:
                 pose=self.start.as_list(), nodes=[[node.x_m, node.y_m, node.kind] for node in self.nodes]
             )
 
-    def replay(self) -> None:
-        """The model robot drives the control inputs again, from the start; with the paper's errors beside
-        it.
-        """
-        cycles = self.cycles
+    def choose_model(self, kind: str) -> None:
+        """None, the paper's, or what was found: it is in force everywhere."""
+        model = self.session.model
+        if kind == "found" and not model.effects and not model.numbers:
+            say("nothing was found yet: choose a diagnosis under Error models, and save it", good=False)
+        self.session.set_model(kind=_KINDS[kind])
+        self.top.set(paths=[])
+        _write(self.replayed, "")
+
+    async def replay(self) -> None:
+        """The model robot drives the control inputs again, from the start; the one with errors beside it."""
+        cycles, model = self.cycles, self.session.model
         if not cycles:
-            say("there is nothing to replay", good=False)
+            say("there is nothing to replay: drive a path, or draw one", good=False)
             return
         path = drawn(self.start, cycles)
-        erring = replay_cycles(self.session.model.paper, self.start, cycles)
-        self.top.set(
-            paths=[
-                {
-                    "points": erring,
-                    "colour": "#d2a8ff",
-                    "dash": [6, 4],
-                    "name": "with the paper's error model",
-                },
-            ]
-        )
+        try:
+            erring = await self._erring(cycles)
+        except TruingError as error:
+            say(str(error), good=False)
+            return
+        title = "with the paper's errors" if model.kind == "paper" else "with what was found"
+        shown = {"points": erring, "colour": _MODEL_COLOUR, "dash": [6, 4], "name": title, "title": title}
+        self.top.set(paths=[shown] if erring else [])
+        text = "no errors: the model robot goes exactly where it is told"
+        if erring:
+            (x, y, theta), end = erring[-1], poses(self.start, cycles)[-1]
+            text = (
+                f"{title}: ends at {x:.3f}, {y:.3f} m, {math.degrees(theta):.1f} °, "
+                f"{math.hypot(x - end.x_m, y - end.y_m):.3f} m off"
+            )
+        _write(self.replayed, text)
         self.top.play(path, min(duration_s(cycles), 20.0))
+
+    async def _erring(self, cycles: list[Cycle]) -> list[list[float]]:
+        """The path under the model that is in force; empty where that is none."""
+        model = self.session.model
+        if model.kind == "paper":
+            return replay_cycles(model.paper, self.start, cycles)
+        if model.kind == "none":
+            return []
+        _write(self.replayed, "simulating …")
+        request = {
+            "kind": "replay",
+            "cycles": [[cycle.v_mps, cycle.omega_radps, cycle.duration_s] for cycle in cycles],
+            "robot": known_robot(self.session.worker.parameters),
+            "model": model.to_json(),
+            "start": self.start.as_list(),
+        }
+        found: list[list[float]] = (await self.session.simulation.ask(request))["path"]
+        return found
 
     def save(self) -> None:
         """Write the sequence file."""
