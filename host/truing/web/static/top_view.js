@@ -70,7 +70,8 @@ export default {
       cancelAnimationFrame(this.playing?.frame);
       const began = performance.now();
       const tick = (now) => {
-        const share = Math.min(1, (now - began) / 1000 / seconds), index = share * (poses.length - 1), k = Math.floor(index), f = index - k;
+        // A frame's time may lie before the call that asked for it.
+        const share = Math.min(1, Math.max(0, (now - began) / 1000 / seconds)), index = share * (poses.length - 1), k = Math.floor(index), f = index - k;
         const a = poses[k], b = poses[Math.min(k + 1, poses.length - 1)];
         this.playing.pose = a.map((v, i) => v + f * (b[i] - v));
         this.paint();
