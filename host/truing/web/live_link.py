@@ -23,8 +23,9 @@ from truing.web.trajectory import KEYS
 
 _LOG = logging.getLogger("truing.web.live")
 _DRIVING_KEYS = frozenset(KEYS)
-# No screen shows more; a page that asks faster is made to wait.
-_SHORTEST_S = 1.0 / 61.0
+# Thirty pictures a second and a few to spare: each costs the browser far more than it costs this process, and
+# twice as many would show the same samples. A page that asks faster is made to wait.
+_SHORTEST_S = 1.0 / 36.0
 _LONGEST_MESSAGE = 2_000
 _LONGEST_NAME = 64
 
