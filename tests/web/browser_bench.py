@@ -80,8 +80,37 @@ def go(page: Page, key: str, title: str) -> None:
 
 
 def drive_by_key(page: Page) -> None:
+    """Hold a key until the robot moves.
+
+    On a machine that is busy elsewhere a page may be silent for so long that it loses the wheel, as it
+    should; then the key is pressed anew.
+    """
     page.keyboard.down("ArrowUp")
-    wait(lambda: speed(page) > 0.25, "movement")
+    wait(lambda: live(page, "state.driver") == "you" or _press_anew(page), "the wheel", 60.0)
+    wait(lambda: speed(page) > 0.25 or _press_anew(page), "movement", 60.0)
+
+
+def _press_anew(page: Page) -> bool:
+    if live(page, "state.driver") == "nobody":
+        page.keyboard.up("ArrowUp")
+        page.keyboard.down("ArrowUp")
+        time.sleep(0.3)
+    return False
+
+
+def take_the_wheel(page: Page) -> None:
+    """By the key that takes and leaves it."""
+    wait(lambda: live(page, "state.driver") != "another", "a free wheel")
+    if live(page, "state.driver") == "nobody":
+        page.keyboard.press("c")
+    wait(lambda: live(page, "state.driver") == "you", "the wheel")
+
+
+def leave_the_wheel(page: Page) -> None:
+    """If it still has it."""
+    if live(page, "state.driver") == "you":
+        page.keyboard.press("c")
+    wait(lambda: live(page, "state.driver") != "you", "a page without the wheel")
 
 
 def faults_of_access(page: Page) -> list[tuple[str, list[str]]]:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-import socket
+import io
+import re
 import time
+from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from truing.device import Device
 from truing.log_decode import decode_log
@@ -14,15 +18,22 @@ from truing.web.map_file import read_world
 from web.browser_bench import (
     board_state,
     drive_by_key,
-    faults_of_access,
     go,
+    leave_the_wheel,
     live,
     open_page,
     speed,
+    take_the_wheel,
     wait,
 )
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
+
+
+# In the page itself: a look from outside comes late on a busy machine.
+_TELL_WHEN_IDLE = """() => { const live = window.truing.live; window.idleAt = null; live.views.add(() => {
+    if (window.idleAt === null && live.state.board?.state === 'idle') window.idleAt = live.samples.at(-1)[0];
+}); }"""
 
 
 def test_arrow_keys_drive_and_letting_go_stops(page):
@@ -54,13 +65,22 @@ def test_the_space_bar_stops_also_with_a_key_held_and_from_another_page(page, br
 def test_one_page_drives_and_the_other_watches(page, browser, bench, problems):
     other = open_page(browser, bench, problems)
     try:
-        page.keyboard.press("c")
-        wait(lambda: live(page, "state.driver") == "you", "the wheel")
-        other.keyboard.down("ArrowUp")
-        time.sleep(0.7)
-        assert speed(other) < 0.02
-        other.keyboard.up("ArrowUp")
-        page.keyboard.press("c")
+        # A page that the machine silences for long loses the wheel; what is told here is of one that has it.
+        for _ in range(5):
+            take_the_wheel(page)
+            wait(lambda: live(other, "state.driver") == "another", "a watching page")
+            other.keyboard.down("ArrowUp")
+            until, kept, fastest = time.monotonic() + 0.7, True, 0.0
+            while time.monotonic() < until:
+                fastest = max(fastest, speed(other))
+                kept &= live(page, "state.driver") == "you" and live(other, "state.driver") == "another"
+            other.keyboard.up("ArrowUp")
+            if kept:
+                break
+            leave_the_wheel(other)
+        assert kept
+        assert fastest < 0.02
+        leave_the_wheel(page)
         wait(lambda: live(other, "state.driver") == "nobody", "a free wheel")
     finally:
         other.close()
@@ -68,14 +88,15 @@ def test_one_page_drives_and_the_other_watches(page, browser, bench, problems):
 
 def test_killing_the_tab_while_driving_stops_the_wheels_in_the_log(browser, bench, problems):
     page = open_page(browser, bench, problems)
-    drive_by_key(page)
-    time.sleep(0.5)
     watcher = open_page(browser, bench, problems)
     try:
+        drive_by_key(page)
+        watcher.evaluate(_TELL_WHEN_IDLE)
         page.close()
-        closed = time.monotonic()
-        wait(lambda: board_state(watcher) == "idle", "stopped board", 3.0)
-        assert time.monotonic() - closed < 1.0
+        closed_s = live(watcher, "samples.at(-1)[0]")
+        wait(lambda: watcher.evaluate("window.idleAt") is not None, "stopped board")
+        # By the board's own clock, which stands still when the machine does.
+        assert watcher.evaluate("window.idleAt") - closed_s < 1.0
         wait(lambda: live(watcher, "state.driver") == "nobody", "a free wheel")
     finally:
         watcher.close()
@@ -97,7 +118,7 @@ def test_a_pulled_cable_is_said_stops_the_robot_and_is_recovered_from(page, benc
     wait(lambda: live(page, "state.link?.state") == "lost", "a lost link")
     assert page.locator("[data-live='link-told']").first.inner_text() != ""
     page.keyboard.up("ArrowUp")
-    time.sleep(1.0)  # the board's own command time-out
+    time.sleep(2.0)  # more than the board's own command time-out
     bench.link.plug()
     wait(lambda: live(page, "state.link?.state") == "connected", "a connected board")
     wait(lambda: speed(page) < 0.02, "standstill")
@@ -130,7 +151,7 @@ def test_a_wall_is_painted_seen_saved_and_erased(page, bench):
     page.mouse.move(middle[0] + 80, middle[1], steps=4)
     page.mouse.up()
     wait(lambda: abs(live(page, "corrected[2]")) < 0.01, "a robot that heads along x")  # type: ignore[arg-type]
-    time.sleep(0.3)
+    wait(lambda: abs(live(page, "state.scan.pose[2]")) < 0.01, "a scan from there")  # type: ignore[arg-type]
     page.get_by_role("button", name="Wall", exact=True).click()
 
     def screen(ahead_m: float, aside_m: float) -> tuple[float, float]:
@@ -146,14 +167,10 @@ def test_a_wall_is_painted_seen_saved_and_erased(page, bench):
     page.mouse.down()
     page.mouse.move(*screen(1.0, 0.6), steps=8)
     page.mouse.up()
-    wait(lambda: live(page, "state.scan.laser[90]"), "the wall in the laser")
-    seen = live(page, "state.scan.laser[90]")
-    assert isinstance(seen, int)
-    assert abs(seen - 1000) < 120
+    wait(lambda: abs((live(page, "state.scan.laser[90]") or 0) - 1000) < 120, "the wall in the laser, at 1 m")
     page.get_by_role("button", name="Save", exact=True).click()
     file = bench.view.out / "maps/room.yaml"
-    wait(file.exists, "the map's file")
-    time.sleep(0.2)
+    page.get_by_text("room.yaml and .png", exact=False).first.wait_for()
     assert read_world(file).occupied.sum() > 20
     page.get_by_role("button", name="Clear", exact=True).click()
     wait(lambda: live(page, "state.scan.laser.every(mm => mm === null)"), "an open floor")
@@ -161,29 +178,77 @@ def test_a_wall_is_painted_seen_saved_and_erased(page, bench):
     wait(lambda: live(page, "state.scan.laser[90]"), "the wall in the laser again")
 
 
-def test_the_global_map_grows(page):
+def test_sensors_see_as_they_are_set_and_the_same_seed_sees_the_same(page):
     go(page, "2", "World")
-    page.get_by_role("button", name="By odometry", exact=True).click()
-    response = page.request.get(page.url.split("/world")[0] + "/maps/odometry.png")
-    assert response.ok
-    assert response.body().startswith(b"\x89PNG")
+
+    def fill(label, value):
+        page.get_by_label(label, exact=True).fill(value)
+        page.get_by_label(label, exact=True).press("Tab")
+
+    fill("Laser, °", "90")
+    wait(lambda: live(page, "state.scan?.laser.length") == 91, "a beam for every degree of 90")
+    fill("Noise, m", "0")
+    wait(lambda: live(page, "state.scan.laser.some(mm => mm > 1000)"), "walls farther than a metre")
+    fill("Laser to, m", "1")
+    wait(lambda: live(page, "state.scan.laser.every(mm => mm === null || mm <= 1000)"), "a short sight")
+    fill("Laser to, m", "8")
+    fill("Sonars", "5")
+    wait(lambda: live(page, "state.scan.sonar.length") == 5, "five sonars")
+    # Without noise two scans from one place are the same; with it they differ.
+    first = page.evaluate("JSON.stringify(truing.live.state.scan.laser)")
+    page.wait_for_timeout(500)
+    assert page.evaluate("JSON.stringify(truing.live.state.scan.laser)") == first
+    fill("Noise, m", "0.05")
+    wait(lambda: page.evaluate("JSON.stringify(truing.live.state.scan.laser)") != first, "noise")
+    fill("Rate, Hz", "2")
+    page.get_by_role("button", name="Laser", exact=True).click()
+    wait(lambda: live(page, "state.scan.laser.length") == 0, "no laser")
+    for label, value in (("Noise, m", "0.01"), ("Laser, °", "180"), ("Sonars", "16"), ("Rate, Hz", "10")):
+        fill(label, value)
+    page.get_by_role("button", name="Laser", exact=True).click()
+    wait(lambda: live(page, "state.scan.laser.length") == 181, "the laser as it was")
+
+
+def test_both_global_maps_grow_and_are_saved_as_maps(page, bench):
+    go(page, "2", "World")
+    page.get_by_role("button", name="Begin anew", exact=True).click()
+    drive_by_key(page)
+    page.keyboard.up("ArrowUp")
+    root = page.url.split("/world")[0]
+    for button, name in (("By odometry", "odometry"), ("By corrected pose", "corrected")):
+        page.get_by_role("button", name=button, exact=True).click()
+
+        def cells(name: str = name) -> int:
+            picture = Image.open(io.BytesIO(page.request.get(f"{root}/maps/{name}.png").body()))
+            return len(np.unique(np.asarray(picture.convert("L"))))
+
+        wait(lambda cells=cells: cells() > 2, f"floor and walls by {name}")
+        page.get_by_role("button", name="Save map", exact=True).click()
+        page.get_by_text(f"room-{name}.yaml and .png", exact=False).first.wait_for()
+        assert read_world(bench.view.out / f"maps/room-{name}.yaml").occupied.sum() > 20
+
+
+def cycles(page):
+    told = page.get_by_text(re.compile(r"^\d+ cycles")).first
+    return int(told.inner_text().split()[0]) if told.count() else 0
 
 
 def test_a_path_driven_by_six_keys_becomes_a_sequence_that_the_board_runs(page, bench):
     go(page, "3", "Trajectory")
     page.keyboard.down("ArrowUp")
-    time.sleep(1.0)
+    wait(lambda: cycles(page) >= 9, "nine cycles ahead")
     page.keyboard.up("ArrowUp")
     page.keyboard.press("+")
+    ahead = cycles(page)
     page.keyboard.down("a")
-    time.sleep(0.5)
+    wait(lambda: cycles(page) >= ahead + 4, "four cycles to the left")
     page.keyboard.up("a")
     page.keyboard.press("Space")
     page.get_by_text("cycles", exact=False).first.wait_for()
     page.get_by_label("Name").fill("keyed")
     page.get_by_label("Name").press("Tab")
     page.get_by_role("button", name="Upload and run").click()
-    wait(lambda: live(page, "state.task?.stage") == "done", "finished run", 30.0)
+    wait(lambda: live(page, "state.task?.stage") == "done", "finished run", 90.0)
     saved = live(page, "state.task?.saved")
     assert isinstance(saved, str)
     run = read_run(saved)
@@ -191,6 +256,18 @@ def test_a_path_driven_by_six_keys_becomes_a_sequence_that_the_board_runs(page, 
     assert (bench.view.out / "sequences/keyed.toml").is_file()
     assert run.metadata is not None
     assert run.metadata.plan["name"] == "keyed"
+    go(page, "4", "Compare")
+    page.get_by_label("Set", exact=True).select_option(
+        label=str(Path(saved).parents[1].relative_to(bench.view.out))
+    )
+    page.get_by_label("Run", exact=True).select_option(label=Path(saved).stem)
+    drawn = "document.querySelector('main canvas').topView.paths.map(p => [p.title, p.points.at(-1)])"
+    wait(
+        lambda: {"Desired", "Simulated", "Real robot"} <= dict(page.evaluate(drawn)).keys(), "its paths", 90.0
+    )
+    real = dict(page.evaluate(drawn))["Real robot"]
+    assert real[0] == pytest.approx(run.columns["x_m"][-1] - run.columns["x_m"][0], abs=0.01)
+    assert page.get_by_role("table", name="Stopping points").locator("tbody tr").count() >= 5
 
 
 def test_lines_are_drawn_dragged_and_run_and_losing_the_page_stops_the_run(browser, bench, problems):
@@ -214,8 +291,10 @@ def test_lines_are_drawn_dragged_and_run_and_losing_the_page_stops_the_run(brows
     watcher = open_page(browser, bench, problems)
     try:
         page.close()
-        wait(lambda: board_state(watcher) != "sequence", "an ended sequence", 2.0)
-        wait(lambda: speed(watcher) < 0.02, "standstill", 2.0)
+        wait(lambda: live(watcher, "state.task?.stage") == "stopped", "a stopped run")
+        assert "page that drove" in str(live(watcher, "state.task.problem"))
+        wait(lambda: board_state(watcher) != "sequence", "an ended sequence")
+        wait(lambda: speed(watcher) < 0.02, "standstill")
     finally:
         watcher.close()
     assert not problems
@@ -245,32 +324,4 @@ def test_the_world_and_the_robot_are_seen_in_three_dimensions(page):
 
 
 def test_the_picture_keeps_thirty_frames_a_second(page):
-    time.sleep(2.5)
-    rate = live(page, "rate")
-    assert isinstance(rate, int)
-    assert rate >= 25
-
-
-@pytest.mark.parametrize("path", ["", "world", "trajectory", "compare", "models", "analysis", "scene"])
-@pytest.mark.parametrize("width", [1280, 390])
-def test_no_page_has_a_serious_fault_of_access_or_scrolls_sideways(browser, bench, problems, path, width):
-    page = open_page(browser, bench, problems, path, width, 720 if width > 500 else 844)
-    try:
-        wait(lambda: page.locator("main canvas, main .main-svg").count() > 0, "a picture")
-        assert not faults_of_access(page)
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
-    finally:
-        page.close()
-    assert not problems
-
-
-def test_a_web_socket_of_another_site_is_refused(bench):
-    host, port = bench.view.address.removeprefix("http://").rstrip("/").split(":")
-    for path in ("/live?session=x", "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"):
-        with socket.create_connection((host, int(port)), timeout=5) as raw:
-            raw.sendall(
-                f"GET {path} HTTP/1.1\r\nHost: {host}:{port}\r\nOrigin: http://evil.example\r\n"
-                "Connection: Upgrade\r\nUpgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
-                "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n".encode()
-            )
-            assert b" 403 " in raw.recv(200).split(b"\r\n")[0]
+    wait(lambda: live(page, "rate") >= 28, "a second of thirty frames")  # type: ignore[operator]

@@ -224,7 +224,7 @@ class _TrajectoryPage:
         self.share = share
         _write(
             self.speed,
-            f"{100 * share:3.0f} %   {share * limits.speed_mps:.2f} m/s   "
+            f"{100 * share:.0f} %   {share * limits.speed_mps:.2f} m/s   "
             f"{math.degrees(share * limits.turn_radps):.0f} °/s",
         )
         at = poses(self.start, cycles)[-1]

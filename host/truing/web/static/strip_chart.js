@@ -32,8 +32,10 @@ export default {
       for (const s of shown) top = Math.max(top, Math.abs(s[1]), Math.abs(s[2]), Math.abs(s[3] || 0), Math.abs(s[4] || 0));
       top = niceTop(top);
       const upper = Math.round(height * 0.62);
-      this.panel(c, 0, upper - 4, width, top, "m/s", end);
-      this.panel(c, upper + 4, height - upper - 18, width, 1, "effort", end);
+      // Room for the labels of both axes where one panel ends and the other begins, and above the seconds.
+      const h0 = upper - 8, y1 = upper + 6, h1 = height - y1 - 22;
+      this.panel(c, 0, h0, width, top, "m/s", end);
+      this.panel(c, y1, h1, width, 1, "effort", end);
       const line = (index, colour, y0, h, full, dash, thick) => {
         c.beginPath(); c.strokeStyle = colour; c.lineWidth = thick; c.setLineDash(dash);
         let down = false;
@@ -45,9 +47,9 @@ export default {
         }
         c.stroke(); c.setLineDash([]);
       };
-      line(3, LEFT, 0, upper - 4, top, [4, 3], 1); line(4, RIGHT, 0, upper - 4, top, [4, 3], 1);
-      line(1, LEFT, 0, upper - 4, top, [], 1.8); line(2, RIGHT, 0, upper - 4, top, [], 1.8);
-      line(5, LEFT, upper + 4, height - upper - 18, 1, [], 1.5); line(6, RIGHT, upper + 4, height - upper - 18, 1, [], 1.5);
+      line(3, LEFT, 0, h0, top, [4, 3], 1); line(4, RIGHT, 0, h0, top, [4, 3], 1);
+      line(1, LEFT, 0, h0, top, [], 1.8); line(2, RIGHT, 0, h0, top, [], 1.8);
+      line(5, LEFT, y1, h1, 1, [], 1.5); line(6, RIGHT, y1, h1, 1, [], 1.5);
       c.fillStyle = "#94a1b2"; c.font = "11px system-ui"; c.textAlign = "center";
       for (let s = 0; s <= SECONDS; s += 3) c.fillText(s ? `−${s} s` : "now", 34 + (width - 40) * (1 - s / SECONDS) - (s ? 0 : 8), height - 3);
     },

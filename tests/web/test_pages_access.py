@@ -1,0 +1,89 @@
+"""Who reaches the view and how: by keyboard and by screen reader, narrow and wide; strangers, slow pages."""
+
+from __future__ import annotations
+
+import socket
+import time
+from http.client import HTTPConnection
+from urllib.parse import urlsplit
+
+import pytest
+
+from web.browser_bench import drive_by_key, faults_of_access, live, open_page, speed, wait
+from web.view_process import ViewProcess
+
+pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
+
+
+@pytest.mark.parametrize("path", ["", "world", "trajectory", "compare", "models", "analysis", "scene"])
+@pytest.mark.parametrize("width", [1280, 390])
+def test_no_page_has_a_serious_fault_of_access_or_scrolls_sideways(browser, bench, problems, path, width):
+    page = open_page(browser, bench, problems, path, width, 720 if width > 500 else 844)
+    try:
+        wait(lambda: page.locator("main canvas, main .main-svg").count() > 0, "a picture")
+        assert not faults_of_access(page)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+    finally:
+        page.close()
+    assert not problems
+
+
+def handshake(address, path, **headers):
+    """A web socket asked for by hand: the connection, and the first line of the answer."""
+    parts = urlsplit(address)
+    raw = socket.create_connection((parts.hostname, parts.port), timeout=20)
+    lines = [f"GET {path} HTTP/1.1", f"Host: {parts.netloc}", "Connection: Upgrade", "Upgrade: websocket"]
+    lines += ["Sec-WebSocket-Version: 13", "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ=="]
+    lines += [f"{name}: {value}" for name, value in headers.items()]
+    raw.sendall(("\r\n".join(lines) + "\r\n\r\n").encode())
+    return raw, raw.recv(200).split(b"\r\n")[0]
+
+
+@pytest.mark.parametrize("path", ["/live?session=x", "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"])
+def test_a_web_socket_of_another_site_is_refused(bench, path):
+    raw, answer = handshake(bench.view.address, path, Origin="http://evil.example")
+    raw.close()
+    assert b" 403 " in answer
+
+
+def test_a_page_that_asks_and_never_reads_slows_nobody(page, bench):
+    # A masked text frame, all zeros as its mask: {"t":"next"} in clear.
+    ask = b"\x81\x8c\0\0\0\0" + b'{"t":"next"}'
+    stuck = [handshake(bench.view.address, f"/live?session=stuck{k}")[0] for k in range(3)]
+    try:
+        for _ in range(40):
+            for raw in stuck:
+                raw.sendall(25 * ask)
+            time.sleep(0.05)
+        before, began = live(page, "received"), time.monotonic()
+        drive_by_key(page)
+        page.keyboard.up("ArrowUp")
+        wait(lambda: speed(page) < 0.02, "standstill")
+        # The board is asked thirty times a second, whatever those pages do.
+        assert (live(page, "received") - before) / (time.monotonic() - began) > 15.0
+    finally:
+        for raw in stuck:
+            raw.close()
+
+
+def test_beyond_this_machine_the_address_that_is_printed_opens_and_no_other(browser, tmp_path):
+    view = ViewProcess(tmp_path, "--host", "0.0.0.0")
+    try:
+        assert view.told["token"] in view.address
+        bare = view.address.split("?")[0]
+        connection = HTTPConnection(urlsplit(bare).netloc, timeout=30)
+        connection.request("GET", "/")
+        refusal = connection.getresponse()
+        assert refusal.status == 403
+        assert b"token" in refusal.read()
+        connection.close()
+        raw, answer = handshake(bare, "/live?session=stranger")
+        raw.close()
+        assert b" 403 " in answer
+        page = browser.new_page()
+        page.goto(view.address, timeout=90_000)
+        wait(lambda: live(page, "state.link?.state") == "connected", "a connected board", 60.0)
+        assert "token" not in page.url
+        page.close()
+    finally:
+        view.close()
