@@ -122,6 +122,19 @@ static struct refusal answer_fault_record(struct controller *controller, const s
     return expect_empty(request);
 }
 
+static struct refusal answer_time(struct controller *controller, const struct frame *request,
+                                  struct reply *reply)
+{
+    struct proto_time_request in;
+    struct proto_time_reply out;
+    if (!proto_time_request_decode(&in, request->payload, request->payload_length)) {
+        return bad_length(request);
+    }
+    robot_time(&controller->robot, &out);
+    reply->length = proto_time_reply_encode(&out, reply->bytes, reply->capacity);
+    return accepted();
+}
+
 static struct refusal answer_param_list(struct controller *controller, const struct frame *request,
                                         struct reply *reply)
 {
@@ -385,6 +398,7 @@ static const struct entry entries[] = {
     {PROTO_ID_STATUS, false, answer_status},
     {PROTO_ID_CLEAR_FAULTS, false, answer_clear_faults},
     {PROTO_ID_FAULT_RECORD, false, answer_fault_record},
+    {PROTO_ID_TIME, false, answer_time},
     {PROTO_ID_PARAM_LIST, false, answer_param_list},
     {PROTO_ID_PARAM_GET, false, answer_param_get},
     {PROTO_ID_PARAM_SET, false, answer_param_set},

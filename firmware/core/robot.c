@@ -335,6 +335,18 @@ void robot_status(const struct robot *robot, struct proto_status_reply *out)
     out->theta_e4 = odometry_theta_e4(&odometry);
 }
 
+/* A tick that is late, or that never came while the flash was busy, leaves the microseconds at their end: the
+ * millisecond counts ticks, and time must not run ahead of them. */
+void robot_time(const struct robot *robot, struct proto_time_reply *out)
+{
+    enum { LAST_US = 999 };
+    const uint32_t state = hal_critical_enter();
+    const uint32_t since_us = hal_now_us() - robot->sample.now_us;
+    out->uptime_ms = robot->now_ms;
+    hal_critical_exit(state);
+    out->after_us = since_us < (uint32_t)LAST_US ? (uint16_t)since_us : (uint16_t)LAST_US;
+}
+
 void robot_sequence_state(const struct robot *robot, struct proto_seq_state_reply *out)
 {
     const struct sequence *const sequence = &robot->sequence;

@@ -71,6 +71,7 @@ void robot_make_up(struct robot *robot, uint32_t missed_ticks);
 
 /* A state of the robot that belongs to one moment. */
 void robot_status(const struct robot *robot, struct proto_status_reply *out);
+void robot_time(const struct robot *robot, struct proto_time_reply *out);
 void robot_sequence_state(const struct robot *robot, struct proto_seq_state_reply *out);
 
 #endif

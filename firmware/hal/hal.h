@@ -48,6 +48,9 @@ void hal_identity(struct hal_identity *out);
 /* The sensors as of this tick; never blocks. For controller_tick: elsewhere a tick may come in between. */
 void hal_sense(struct hal_sample *out);
 
+/* The time now on the clock of hal_sample.now_us. */
+uint32_t hal_now_us(void);
+
 /* Applied effort, 1e-4 of supply, -10000..10000; drive/brake (slow decay), 0 = brake. */
 void hal_drive(const int16_t effort_e4[HAL_WHEELS]);
 

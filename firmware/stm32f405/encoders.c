@@ -159,6 +159,11 @@ void encoders_settle(void)
     }
 }
 
+uint32_t encoders_now_us(void)
+{
+    return TIM2->cnt;
+}
+
 void encoders_read(struct hal_sample *out)
 {
     for (uint32_t wheel = 0; wheel < HAL_WHEELS; wheel++) {

@@ -19,6 +19,9 @@ void encoders_settle(void);
 /* Counts since start of the last update, and the edge dated before it. */
 void encoders_read(struct hal_sample *out);
 
+/* Microseconds since start-up, of the clock that dates edges. */
+uint32_t encoders_now_us(void);
+
 void EXTI4_Handler(void);
 void EXTI9_5_Handler(void);
 

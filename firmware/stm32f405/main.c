@@ -79,6 +79,11 @@ void hal_sense(struct hal_sample *out)
     out->battery_valid = battery_read(&out->battery_mv);
 }
 
+uint32_t hal_now_us(void)
+{
+    return encoders_now_us();
+}
+
 /* Only the tick is held off: the controller shares nothing with the serial interrupt but the link's rings,
  * and these need no lock. So no length of critical section can make the port overrun. */
 uint32_t hal_critical_enter(void)

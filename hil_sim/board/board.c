@@ -176,6 +176,14 @@ void board_set_crystal(struct board *board, bool alive)
     }
 }
 
+void board_set_crystal_hz(struct board *board, uint32_t hz)
+{
+    board->options.crystal_hz = hz;
+    if (board->powered) {
+        rcc_clock_changed(board);
+    }
+}
+
 void board_set_flash_slow(struct board *board, bool slow)
 {
     board->flash_slow = slow;

@@ -73,6 +73,8 @@ void board_reset(struct board *board, enum board_reset cause);
 
 /* The crystal stops (or starts) now. */
 void board_set_crystal(struct board *board, bool alive);
+/* The crystal's frequency from now on, as it is and not as it is marked. */
+void board_set_crystal_hz(struct board *board, uint32_t hz);
 /* Flash takes the longest times of the datasheet instead of the typical ones. */
 void board_set_flash_slow(struct board *board, bool slow);
 /* From now on no conversion of any ADC ends. */

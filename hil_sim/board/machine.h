@@ -370,6 +370,7 @@ bool rcc_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 void rcc_event(struct board *b, unsigned id);
 void rcc_reset(struct board *b, uint32_t cause_flags);
 void rcc_crystal_changed(struct board *b);
+void rcc_clock_changed(struct board *b);
 uint32_t rcc_timer_divisor(const struct board *b, int timer);
 uint32_t rcc_usart_divisor(const struct board *b, int usart);
 bool flash_access(struct board *b, uint32_t offset, bool write, uint32_t *value);

@@ -43,6 +43,12 @@ static uint32_t prescaler(uint32_t bits, uint32_t first)
     return bits < first ? 1 : first == 8 ? ahb[bits - 8] : 2u << (bits - first);
 }
 
+/* The datasheet's limits are for the frequencies that crystals are marked with; no crystal has just that. */
+static bool above(uint32_t hz, uint32_t limit_hz)
+{
+    return hz > limit_hz + limit_hz / 2000u;
+}
+
 /* Takes the settings into force: switches the system clock when the source asked for is ready. */
 static void apply(struct board *b)
 {
@@ -72,19 +78,24 @@ static void apply(struct board *b)
         timer_schedule(b, i);
     }
     pins_update(b);
-    if (sysclk > 168000000u) {
+    if (above(sysclk, 168000000u)) {
         note_oddity(b, 0xF0000002u, "core clock %u Hz is above the 168 MHz of the datasheet",
                     (unsigned)sysclk);
     }
-    if (hz / ppre1 > 42000000u || hz / ppre2 > 84000000u) {
+    if (above(hz / ppre1, 42000000u) || above(hz / ppre2, 84000000u)) {
         note_oddity(b, 0xF0000003u, "APB clock above its limit: APB1 %u Hz, APB2 %u Hz",
                     (unsigned)(hz / ppre1), (unsigned)(hz / ppre2));
     }
     /* 30 MHz for each wait state at 2.7 to 3.6 V, RM0090 table 10. */
-    if (hz > 30000000u * ((b->flash.acr & 7u) + 1)) {
+    if (above(hz, 30000000u * ((b->flash.acr & 7u) + 1))) {
         note_oddity(b, 0xF0000004u, "flash has %u wait states at %u Hz: too few",
                     (unsigned)(b->flash.acr & 7u), (unsigned)hz);
     }
+}
+
+void rcc_clock_changed(struct board *b)
+{
+    apply(b);
 }
 
 /* Timers run at twice the bus clock when the bus is divided (RM0090 7.2). In core cycles. */

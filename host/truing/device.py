@@ -18,7 +18,17 @@ from truing.board_state import (
     SavedParameters,
     format_f32,
 )
-from truing.errors import BoardRebooted, LinkTimeout, LogError, PlanError, Refused, TruingError
+from truing.clock_probe import ClockProbe
+from truing.clock_relation import ClockRelation, relate
+from truing.errors import (
+    BoardRebooted,
+    ClockError,
+    LinkTimeout,
+    LogError,
+    PlanError,
+    Refused,
+    TruingError,
+)
 from truing.fault_record import FaultRecord
 from truing.link.client import Client
 from truing.link.connect import VirtualOptions, open_stream
@@ -134,6 +144,25 @@ class Device:
     def status(self) -> BoardStatus:
         """What the robot does now."""
         return BoardStatus.from_reply(self.client.request(StatusRequest()))
+
+    def clock(
+        self, seconds: float = 10.0, progress: Callable[[float], None] | None = None, seed: int = 1
+    ) -> tuple[ClockRelation, int]:
+        """How the board's clock relates to the stream's, measured for so long; and requests that were lost.
+
+        `seed` draws the moments of the requests.
+
+        Raises
+        ------
+        ClockError : too few answers, or one of the clocks jumped.
+        """
+        probe = ClockProbe(self.client, seed)
+        probe.run(seconds, progress)
+        try:
+            return relate(probe.trips), probe.lost
+        except ClockError:
+            self.check_same_boot()
+            raise
 
     def clear_faults(self) -> None:
         """Unlatch all faults whose cause is gone."""

@@ -166,6 +166,12 @@ class BoardFault(TruingError):
         self.faults = faults
 
 
+class ClockError(TruingError):
+    """The board's clock and the host's cannot be related: too few answers, or one of them jumped."""
+
+    exit_code = 1
+
+
 class LogError(TruingError):
     """A downloaded log does not decode, or its digest differs from the board's."""
 

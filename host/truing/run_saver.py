@@ -87,13 +87,13 @@ def run_of(
     parameters: dict[str, Parameter],
     plan: Plan | None = None,
     seed: int | None = None,
+    clock: dict[str, Any] | None = None,
 ) -> Run:
-    """Return the run that a fetched log is, with its metadata."""
-    return run_from_records(
-        fetched.decoded.records,
-        name,
-        metadata_of(device, fetched, parameters=parameters, plan=plan, seed=seed),
-    )
+    """Return the run that a fetched log is, with its metadata; `clock` is what `clock_stamp` gave."""
+    metadata = metadata_of(device, fetched, parameters=parameters, plan=plan, seed=seed)
+    if clock is not None:
+        metadata.extra["clock"] = clock
+    return run_from_records(fetched.decoded.records, name, metadata)
 
 
 def metadata_of(

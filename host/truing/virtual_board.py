@@ -32,7 +32,13 @@ def make_virtual_robot(options: VirtualOptions, number: int = 1) -> VirtualRobot
         from hil_sim import DEFAULT_BOARD_ID, VirtualRobot
 
         board_id = DEFAULT_BOARD_ID[:-1] + bytes([number])
-        return VirtualRobot(image, robot_parameters(options.robot), options.seed, board_id)
+        return VirtualRobot(
+            image,
+            robot_parameters(options.robot),
+            options.seed,
+            board_id,
+            crystal_ppm=options.crystal_ppm,
+        )
     except (OSError, ImportError, RuntimeError, ValueError) as error:
         raise VirtualBoardError(
             f"the virtual board cannot start: {error}", "`./run setup` builds the image and the virtual board"

@@ -343,6 +343,44 @@ bool proto_fault_record_reply_decode(struct proto_fault_record_reply *to, const 
     return true;
 }
 
+size_t proto_time_request_encode(const struct proto_time_request *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_TIME_REQUEST_SIZE) {
+        return 0;
+    }
+    for (size_t i = 0; i < 6; i++) {
+        put_u8(out + 0 + i * 1, from->padding[i]);
+    }
+    return PROTO_TIME_REQUEST_SIZE;
+}
+
+bool proto_time_request_decode(struct proto_time_request *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_TIME_REQUEST_SIZE) {
+        return false;
+    }
+    for (size_t i = 0; i < 6; i++) {
+        to->padding[i] = get_u8(in + 0 + i * 1);
+    }
+    return true;
+}
+
+size_t proto_time_reply_encode(const struct proto_time_reply *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_TIME_REPLY_SIZE) {
+        return 0;
+    }
+    put_u32(out + 0, from->uptime_ms);
+    put_u16(out + 4, from->after_us);
+    return PROTO_TIME_REPLY_SIZE;
+}
+
+bool proto_time_reply_decode(struct proto_time_reply *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_TIME_REPLY_SIZE) {
+        return false;
+    }
+    to->uptime_ms = get_u32(in + 0);
+    to->after_us = get_u16(in + 4);
+    return true;
+}
+
 size_t proto_param_list_request_encode(const struct proto_param_list_request *from, uint8_t *out, size_t capacity) {
     if (capacity < PROTO_PARAM_LIST_REQUEST_SIZE) {
         return 0;

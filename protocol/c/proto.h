@@ -20,7 +20,7 @@
 #define PROTO_CAN_ANNOUNCE_BASE 0x680u /* its CAN id is this plus the node */
 #define PROTO_CAN_STATUS_BASE 0x6c0u /* its CAN id is this plus the node */
 #define PROTO_CAN_MOTION_BASE 0x700u /* its CAN id is this plus the node */
-#define PROTO_SCHEMA_HASH 0xf272f80bu
+#define PROTO_SCHEMA_HASH 0x09a72ec0u
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
@@ -28,6 +28,7 @@ enum proto_id {
     PROTO_ID_STATUS = 0x02, /* what the robot does now */
     PROTO_ID_CLEAR_FAULTS = 0x03, /* unlatch all faults whose cause is gone; refused with self_check_failed while one that stops is still present */
     PROTO_ID_FAULT_RECORD = 0x04, /* registers of the last fault of the program, kept through resets until the power goes */
+    PROTO_ID_TIME = 0x05, /* the device's time at this moment; request and reply are of one length, so that a line takes as long for the one as for the other */
     PROTO_ID_PARAM_LIST = 0x10, /* one parameter's description and value */
     PROTO_ID_PARAM_GET = 0x11, /* one parameter's value */
     PROTO_ID_PARAM_SET = 0x12, /* change one parameter; only while the state is idle or stopped */
@@ -336,6 +337,23 @@ struct proto_fault_record_reply {
 };
 size_t proto_fault_record_reply_encode(const struct proto_fault_record_reply *from, uint8_t *out, size_t capacity);
 bool proto_fault_record_reply_decode(struct proto_fault_record_reply *to, const uint8_t *in, size_t length);
+
+#define PROTO_TIME_REQUEST_SIZE 6u
+/* the device's time at this moment; request and reply are of one length, so that a line takes as long for the one as for the other */
+struct proto_time_request {
+    uint8_t padding[6]; /* anything */
+};
+size_t proto_time_request_encode(const struct proto_time_request *from, uint8_t *out, size_t capacity);
+bool proto_time_request_decode(struct proto_time_request *to, const uint8_t *in, size_t length);
+
+#define PROTO_TIME_REPLY_SIZE 6u
+/* reply: the device's time at this moment; request and reply are of one length, so that a line takes as long for the one as for the other */
+struct proto_time_reply {
+    uint32_t uptime_ms; /* device time, as in status and in logs */
+    uint16_t after_us; /* microseconds since that millisecond began, 0 to 999 */
+};
+size_t proto_time_reply_encode(const struct proto_time_reply *from, uint8_t *out, size_t capacity);
+bool proto_time_reply_decode(struct proto_time_reply *to, const uint8_t *in, size_t length);
 
 #define PROTO_PARAM_LIST_REQUEST_SIZE 2u
 /* one parameter's description and value */

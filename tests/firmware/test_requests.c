@@ -162,6 +162,31 @@ static void parameters_do_not_change_while_the_robot_moves(void)
     bench_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_SEQUENCE);
 }
 
+static uint64_t time_us(void)
+{
+    static const uint8_t padding[PROTO_TIME_REQUEST_SIZE] = {1, 2, 3};
+    struct proto_time_reply reply;
+    bench_ask(PROTO_ID_TIME, padding, sizeof padding);
+    TEST_ASSERT_TRUE(proto_time_reply_decode(&reply, bench.reply.payload, bench.reply.payload_length));
+    TEST_ASSERT_LESS_THAN_UINT16(1000, reply.after_us);
+    return (uint64_t)reply.uptime_ms * 1000u + reply.after_us;
+}
+
+static void device_time_is_told_to_the_microsecond_and_never_runs_ahead_of_its_ticks(void)
+{
+    bench_run(7);
+    TEST_ASSERT_EQUAL_UINT64(7000, time_us());
+    bench.board.after_tick_us = 345;
+    TEST_ASSERT_EQUAL_UINT64(7345, time_us());
+    bench.board.after_tick_us = 999;
+    TEST_ASSERT_EQUAL_UINT64(7999, time_us());
+    bench.board.after_tick_us = 250000; /* as after a save, before the next tick */
+    TEST_ASSERT_EQUAL_UINT64(7999, time_us());
+    bench.board.after_tick_us = 0;
+    bench_run(1);
+    TEST_ASSERT_EQUAL_UINT64(8000, time_us());
+}
+
 static void unknown_requests_are_refused_by_their_id(void)
 {
     uint32_t known = 0;
@@ -175,7 +200,7 @@ static void unknown_requests_are_refused_by_their_id(void)
             known++;
         }
     }
-    TEST_ASSERT_EQUAL_UINT32(27, known);
+    TEST_ASSERT_EQUAL_UINT32(28, known);
 }
 
 static void every_request_of_a_wrong_length_is_refused(void)
@@ -189,7 +214,7 @@ static void every_request_of_a_wrong_length_is_refused(void)
         {PROTO_ID_SEQ_COMMIT, 4},   {PROTO_ID_SEQ_START, 4},    {PROTO_ID_SEQ_ABORT, 0},
         {PROTO_ID_SEQ_STATE, 0},    {PROTO_ID_LOG_LIST, 2},     {PROTO_ID_LOG_READ, 6},
         {PROTO_ID_LOG_DIGEST, 8},   {PROTO_ID_LOG_ERASE, 0},    {PROTO_ID_SET_EFFORT, 8},
-        {PROTO_ID_SET_VELOCITY, 8}, {PROTO_ID_CAN_STATE, 0},
+        {PROTO_ID_SET_VELOCITY, 8}, {PROTO_ID_CAN_STATE, 0},    {PROTO_ID_TIME, 6},
     };
     static const uint8_t zeros[PROTO_MAX_PAYLOAD];
     for (size_t i = 0; i < sizeof right / sizeof right[0]; i++) {
@@ -563,6 +588,7 @@ int main(void)
     RUN_TEST(parameters_are_listed_read_and_changed);
     RUN_TEST(bad_parameter_values_are_refused_and_the_old_ones_stay);
     RUN_TEST(parameters_do_not_change_while_the_robot_moves);
+    RUN_TEST(device_time_is_told_to_the_microsecond_and_never_runs_ahead_of_its_ticks);
     RUN_TEST(unknown_requests_are_refused_by_their_id);
     RUN_TEST(every_request_of_a_wrong_length_is_refused);
     RUN_TEST(unknown_parameters_are_refused_by_their_index);

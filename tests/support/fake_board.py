@@ -94,6 +94,10 @@ class FakeBoard:
             tp.ClockSource.CRYSTAL_PLL,
         ).pack()
 
+    def time(self, _: tp.TimeRequest) -> bytes:
+        ms, rest = divmod(int(self.now_s * 1e6), 1000)
+        return tp.TimeReply(ms, rest).pack()
+
     def status(self, _: tp.StatusRequest) -> bytes:
         running = self._running()
         state = tp.State.STOPPED if self.latched else tp.State.SEQUENCE if running else tp.State.IDLE

@@ -88,6 +88,11 @@ void hal_sense(struct hal_sample *out)
     *out = current->sample;
 }
 
+uint32_t hal_now_us(void)
+{
+    return current->sample.now_us + current->after_tick_us;
+}
+
 void hal_drive(const int16_t effort_e4[HAL_WHEELS])
 {
     current->effort_e4[0] = effort_e4[0];

@@ -15,6 +15,7 @@ enum {
 
 struct hal_host {
     struct hal_sample sample; /* what the core senses */
+    uint32_t after_tick_us;   /* time that has passed since it was sensed */
     struct hal_identity identity;
     struct hal_fault_record fault_record; /* count 0: there was none */
     int16_t effort_e4[HAL_WHEELS];        /* what the bridges were told last */

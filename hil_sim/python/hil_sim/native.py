@@ -81,6 +81,7 @@ _SIGNATURES: dict[str, tuple[Any, list[Any]]] = {
     "rig_battery_sense_connected": (None, [_P, _BOOL]),
     "rig_bench_voltage": (None, [_P, _DOUBLE]),
     "rig_crystal_alive": (None, [_P, _BOOL]),
+    "rig_crystal_ppm": (None, [_P, _DOUBLE]),
     "rig_power": (None, [_P, _BOOL]),
     "rig_reset": (None, [_P, _INT]),
     "board_set_flash_slow": (None, [_P, _BOOL]),

@@ -26,6 +26,7 @@ EXCEPTIONS = 98
 """Exception numbers of the STM32F405: 16 of the core and 82 of the chip."""
 
 _BUFFER_SIZE = 4096
+_MOST_PPM = 500.0
 _FLASH = range(0x08000000, 0x08100000)
 
 
@@ -99,6 +100,7 @@ class VirtualRobot:
     seed : decides noise, SRAM content at power-on and random numbers; the same seed gives the same run.
     board_id : the chip's 12-byte unique id.
     crystal : whether the 8 MHz crystal starts.
+    crystal_ppm : how much faster than 8 MHz it is, in steps of 0.125; within 500 either way.
     connected : False leaves the board alone on the bench: no motors, encoders or battery.
     library : another build of the native library.
 
@@ -117,6 +119,7 @@ class VirtualRobot:
         board_id: bytes = DEFAULT_BOARD_ID,
         *,
         crystal: bool = True,
+        crystal_ppm: float = 0.0,
         connected: bool = True,
         library: Path | None = None,
     ) -> None:
@@ -124,6 +127,7 @@ class VirtualRobot:
         self._bus: VirtualCanBus | None = None
         if len(board_id) != 12:
             raise VirtualRobotError(f"a board id has 12 bytes, not {len(board_id)}")
+        _check_ppm(crystal_ppm)
         self._buffer = ctypes.create_string_buffer(_BUFFER_SIZE)
         self._library = native.load(library) if library else native.load()
         self.image = Image.load(Path(image))
@@ -140,6 +144,7 @@ class VirtualRobot:
             fits = address in _FLASH
             if not (fits and self._library.rig_flash(self._rig, address, content, len(content))):
                 raise VirtualRobotError(f"{image} wants to be loaded to 0x{address:08X}, which is not flash")
+        self._library.rig_crystal_ppm(self._rig, crystal_ppm)
         self._library.rig_power(self._rig, True)
 
     def close(self) -> None:
@@ -358,6 +363,11 @@ class VirtualRobot:
         """Stop or start the crystal."""
         self._library.rig_crystal_alive(self._rig, alive)
 
+    def set_crystal_ppm(self, ppm: float) -> None:
+        """Let the crystal be this much faster than 8 MHz from now on, as when its temperature changes."""
+        _check_ppm(ppm)
+        self._library.rig_crystal_ppm(self._rig, ppm)
+
     def set_power(self, on: bool) -> None:
         """Switch the board's supply; SRAM is noise after each power-on, flash keeps its content."""
         self._library.rig_power(self._rig, on)
@@ -403,6 +413,11 @@ class VirtualRobot:
         inside = addr in _FLASH and addr + len(data) <= _FLASH.stop
         if not (inside and self._library.rig_flash(self._rig, addr, bytes(data), len(data))):
             raise VirtualRobotError(f"there is no flash of {len(data)} bytes at 0x{addr:08X}")
+
+
+def _check_ppm(ppm: float) -> None:
+    if not abs(ppm) <= _MOST_PPM:
+        raise VirtualRobotError(f"no crystal is {ppm:g} ppm off: within {_MOST_PPM:g} ppm")
 
 
 def _fields(native_struct: ctypes.Structure) -> dict[str, Any]:

@@ -31,6 +31,7 @@ COMMANDS: dict[str, str] = {
     "plan": "List, show and check run plans.",
     "tune": "Learn the feedforward of velocity mode from a short drive.",
     "stream": "Signals of the board as they happen, up to 200 a second.",
+    "clock": "Relate the board's clock to this computer's: offset and drift.",
     "stop": "Brake both wheels now.",
     "faults": "Show the board's faults, or clear them.",
     "params": "List, change, save and compare the board's parameters.",

@@ -42,6 +42,7 @@ class App:
     seed: int = 1
     robot: Path | None = None
     image: Path | None = None
+    crystal_ppm: float = 0.0
     _consoles: dict[str, Console] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
@@ -91,7 +92,8 @@ class App:
                 "note: --port is sim: this is a new virtual board that lives as long as this command "
                 "(`truing board` starts one that stays)"
             )
-        return Device.open(self.port, VirtualOptions(self.seed, self.image, self.robot))
+        virtual = VirtualOptions(self.seed, self.image, self.robot, self.crystal_ppm)
+        return Device.open(self.port, virtual)
 
     @property
     def out(self) -> Console:

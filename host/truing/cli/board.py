@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from truing.cli.app import App
-from truing.cli.options import json_option, virtual_options
+from truing.cli.options import crystal_option, json_option, virtual_options
 
 DEFAULT_TCP = "127.0.0.1:7700"
 
@@ -52,6 +52,7 @@ class _Speed(click.ParamType[float | None]):
     help="Put the board on a CAN bus, reached through this link to a pseudo-terminal (slcan).",
 )
 @click.option("--speed", type=_Speed(), default="1", show_default=True, help="Pace: 1 is real time.")
+@crystal_option
 @virtual_options
 @json_option
 def command(
@@ -61,6 +62,7 @@ def command(
     link: Path | None,
     can: Path | None,
     speed: float | None,
+    crystal_ppm: float,
     seed: int | None,
     robot: Path | None,
     image: Path | None,
@@ -86,7 +88,8 @@ def command(
     options = ServeOptions(
         tcp=address, pty=pty or link is not None, pty_link=link, slcan_link=can, factor=speed
     )
-    with make_virtual_robot(VirtualOptions(1 if seed is None else seed, image, robot)) as virtual:
+    virtual_board = VirtualOptions(1 if seed is None else seed, image, robot, crystal_ppm)
+    with make_virtual_robot(virtual_board) as virtual:
         try:
             server = Server(virtual, options, app.note)
         except OSError as error:

@@ -79,6 +79,8 @@ def fetch(app: App, log_id: int | None, folder: Path | None, name: str, raw: Pat
       truing --port /dev/ttyUSB0 log fetch
       truing --port /dev/ttyUSB0 log fetch 3 --set my_robot --name reversals
     """
+    from truing.clock_probe import ClockProbe
+    from truing.clock_stamp import STAMP_S, clock_stamp
     from truing.drive import Interrupts
     from truing.recording_writer import replace_file
     from truing.run_saver import baseline_text, fetch_log, other_boots, run_of, save_run
@@ -89,10 +91,20 @@ def fetch(app: App, log_id: int | None, folder: Path | None, name: str, raw: Pat
         device.client.interrupted = lambda: interrupts.requested
         for stale in other_boots(device):
             app.note(f"the board started anew since a download was cut: what had arrived is still in {stale}")
+        probe = ClockProbe(device.client)
+        probe.run(STAMP_S)
         with app.progress("fetching") as progress:
             fetched = fetch_log(device, log_id, progress)
+        probe.run(STAMP_S)
         parameters = device.parameters()
-        run = run_of(device, fetched, name, parameters=parameters, seed=app.seed if app.is_virtual else None)
+        run = run_of(
+            device,
+            fetched,
+            name,
+            parameters=parameters,
+            seed=app.seed if app.is_virtual else None,
+            clock=clock_stamp(device.client.stream, probe),
+        )
         folder = folder or recording_folder(device.info.board_id if not app.is_virtual else None)
         label = device.info.board_name
         path = save_run(run, folder, name, baseline_text(label, parameters, fetched.log.rate_hz))

@@ -50,6 +50,16 @@ def virtual_options(function: Command) -> Command:
     return function
 
 
+crystal_option = click.option(
+    "--crystal-ppm",
+    type=click.FloatRange(-500, 500),
+    default=0.0,
+    show_default=True,
+    metavar="PPM",
+    help="How much faster than marked a virtual board's crystal is.",
+)
+
+
 def board_options(function: Command) -> Command:
     """`--port`, `--seed`, `--robot`, `--image` after the subcommand; `--json` and the `App` as well.
 

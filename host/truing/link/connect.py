@@ -35,11 +35,13 @@ class VirtualOptions:
     ----------
     image : the firmware's ELF file; None takes the build's.
     robot : a TOML file of robot parameters that differ from the paper's robot; None for none.
+    crystal_ppm : how much faster than marked the board's crystal is.
     """
 
     seed: int = 1
     image: Path | None = None
     robot: Path | None = None
+    crystal_ppm: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -488,6 +488,61 @@ class FaultRecordRequest:
         return FaultRecordReply.unpack(payload)
 
 
+_TIME_REPLY = struct.Struct("<IH")
+
+
+@dataclass(frozen=True, slots=True)
+class TimeReply:
+    """Reply: the device's time at this moment; request and reply are of one length, so that a line takes as long for the one as for the other."""
+
+    SIZE: ClassVar[int] = 6
+
+    uptime_ms: int  # device time, as in status and in logs
+    after_us: int  # microseconds since that millisecond began, 0 to 999
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _TIME_REPLY.pack(self.uptime_ms, self.after_us)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> TimeReply:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 6, False, cls)
+        v = _TIME_REPLY.unpack_from(payload)
+        return cls(uptime_ms=v[0], after_us=v[1])
+
+
+_TIME_REQUEST = struct.Struct("<6B")
+
+
+@dataclass(frozen=True, slots=True)
+class TimeRequest:
+    """The device's time at this moment; request and reply are of one length, so that a line takes as long for the one as for the other."""
+
+    SIZE: ClassVar[int] = 6
+    ID: ClassVar[int] = 0x05
+    NAME: ClassVar[str] = "time"
+    CHANGES: ClassVar[bool] = False
+
+    padding: tuple[int, ...]  # anything
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _TIME_REQUEST.pack(*self.padding)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> TimeRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 6, False, cls)
+        v = _TIME_REQUEST.unpack_from(payload)
+        return cls(padding=v[0 : 6])
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> TimeReply:
+        """Read this request's reply."""
+        return TimeReply.unpack(payload)
+
+
 _PARAM_LIST_REPLY = struct.Struct("<HB32s12sffffBf")
 
 
