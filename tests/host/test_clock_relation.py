@@ -67,14 +67,14 @@ def test_the_drift_lies_in_its_interval_in_19_of_20_measurements(line: str) -> N
 
 
 @pytest.mark.parametrize("line", LINES)
-def test_the_offset_always_lies_in_bounds_as_wide_as_the_quickest_trips(line: str) -> None:
+def test_the_offset_always_lies_in_bounds_as_wide_as_a_few_quick_trips(line: str) -> None:
     for seed in range(20):
         trips = measured(line, 37.0, seed)
         relation = relate(trips)
         low, high = relation.offset_bounds_s
         assert low <= true_offset(relation, 37.0) <= high
         assert low <= relation.offset_s <= high
-        assert high - low < 1.5 * relation.shortest_s
+        assert high - low < 3 * relation.shortest_s
         low, high = relation.drift_bounds_ppm
         assert low <= 37.0 <= high
 
