@@ -92,7 +92,7 @@ class App:
                 "note: --port is sim: this is a new virtual board that lives as long as this command "
                 "(`truing board` starts one that stays)"
             )
-        virtual = VirtualOptions(self.seed, self.image, self.robot, self.crystal_ppm)
+        virtual = VirtualOptions(self.seed, self.image, self.robot, crystal_ppm=self.crystal_ppm)
         return Device.open(self.port, virtual)
 
     @property

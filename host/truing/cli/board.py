@@ -88,7 +88,7 @@ def command(
     options = ServeOptions(
         tcp=address, pty=pty or link is not None, pty_link=link, slcan_link=can, factor=speed
     )
-    virtual_board = VirtualOptions(1 if seed is None else seed, image, robot, crystal_ppm)
+    virtual_board = VirtualOptions(1 if seed is None else seed, image, robot, crystal_ppm=crystal_ppm)
     with make_virtual_robot(virtual_board) as virtual:
         try:
             server = Server(virtual, options, app.note)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -41,7 +41,7 @@ class VirtualOptions:
     seed: int = 1
     image: Path | None = None
     robot: Path | None = None
-    crystal_ppm: float = 0.0
+    crystal_ppm: float = field(default=0.0, kw_only=True)
 
 
 @dataclass(frozen=True, slots=True)
