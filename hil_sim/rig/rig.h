@@ -75,7 +75,7 @@ void rig_bench_voltage(struct rig *rig,
                        double volts); /* the divider sees a bench supply; below 0: the battery */
 void rig_crystal_alive(struct rig *rig, bool alive);
 void rig_crystal_ppm(struct rig *rig, double ppm); /* how much faster than marked the crystal is */
-void rig_power(struct rig *rig, bool on); /* the board's supply; off also releases the bridges */
+void rig_power(struct rig *rig, bool on);          /* the board's supply; off also releases the bridges */
 void rig_reset(struct rig *rig, enum board_reset cause);
 
 #pragma GCC visibility pop
