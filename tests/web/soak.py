@@ -50,7 +50,8 @@ class Soaked:
 
     Attributes
     ----------
-    live_hz : samples in a second that reached the page, after the warm-up.
+    live_hz : samples that reached the page in a second of the board's own time, after the warm-up: a virtual
+        board on a busy machine falls behind, and a wall clock would tell of the machine.
     growth_mb : of the view's process.
     helpers_growth_mb : of the processes that it started.
     page_growth_mb, driver_growth_mb : of the heap of the page that looks on, and of the one that drives.
@@ -99,10 +100,11 @@ def soak(folder: Path, seconds: float, warm_s: float, least_runs: int = 1) -> So
             driver.wait_for_selector(".js-plotly-plot .trace", timeout=60_000)
             _drive(driver, warm_s, 1)
             before = [_resident_mb(pid), _helpers_mb(pid), _heap_mb(watcher), _heap_mb(driver)]
-            count, began = _samples(watcher), time.monotonic()
+            (count, board_s), began = _samples(watcher), time.monotonic()
             stops = _drive(driver, seconds, least_runs)
             spent = time.monotonic() - began
-            rate = (_samples(watcher) - count) / spent
+            counted, until_s = _samples(watcher)
+            rate = (counted - count) / (until_s - board_s)
             after = [_resident_mb(pid), _helpers_mb(pid), _heap_mb(watcher), _heap_mb(driver)]
             browser.close()
     finally:
@@ -174,8 +176,10 @@ def _heap_mb(page: Page) -> float:
     return float(used) / 1e6
 
 
-def _samples(page: Page) -> int:
-    return int(page.evaluate("truing.live.received"))
+def _samples(page: Page) -> tuple[int, float]:
+    """How many have come, and the board's time of the last (s)."""
+    count, board_s = page.evaluate("[truing.live.received, truing.live.samples.at(-1)[0]]")
+    return int(count), float(board_s)
 
 
 def main() -> int:

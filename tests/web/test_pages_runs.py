@@ -108,7 +108,7 @@ def test_what_a_diagnosis_found_is_dropped_in_and_turned(page, bench):
     wait(lambda: end_of(page, "Simulated (model)")[1] > before[1] + 0.1, "a robot that pulls to the left")
     page.get_by_role("button", name="Save as the robot's model").click()
     file = bench.view.out / "models/robot.toml"
-    wait(lambda: "coulomb_friction" in file.read_text(), "the saved effect")
+    wait(lambda: file.exists() and "coulomb_friction" in file.read_text(), "the saved effect")
     assert read_baseline(file).effects["coulomb_friction"]["left"] == pytest.approx(0.12, abs=0.01)
 
 

@@ -15,5 +15,5 @@ def test_a_minute_at_200_hz_neither_grows_nor_loses_a_log_sample(tmp_path):
     assert found.runs >= 3
     assert found.dropped == 0, found
     assert found.most_growth_mb < MOST_GROWTH_MB, found
-    # Thirty a second is what the picture needs; more is as much as the machine leaves.
-    assert found.live_hz > 30.0, found
+    # A picture takes as many as a strip of its chart has pixels; a slow page draws an even choice.
+    assert found.live_hz > 60.0, found

@@ -84,7 +84,7 @@ def _figure(main: Comparison) -> dict[str, Any]:
                 name = f"{wheel}, real less {COLUMNS[index].lower()}"
                 residuals.append(Line(name, main.real.t_s, values, STYLES[index][0], dash, 1.2))
     if residuals:
-        parts.append(Panel("real less it, m/s", residuals))
+        parts.append(Panel("residual, m/s", residuals))
     figure = panels(parts, keep=main.run.name)
     # The picture above carries the same colours with their names.
     figure["layout"] |= {"showlegend": False, "margin": figure["layout"]["margin"] | {"t": 8}}

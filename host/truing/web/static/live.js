@@ -270,6 +270,11 @@ document.addEventListener("click", (event) => {
   else { live.trail.length = 0; live.truth.length = 0; }
 });
 
+// A plot is told of its new size while its page is being left: that it is not shown any more is no error.
+window.addEventListener("unhandledrejection", (event) => {
+  if (String(event.reason?.message ?? event.reason).startsWith("Resize must be passed a displayed plot")) event.preventDefault();
+});
+
 for (const [event, down] of [["pointerdown", true], ["pointerup", false], ["pointercancel", false], ["pointerleave", false]]) {
   document.addEventListener(event, (e) => {
     const button = e.target.closest?.("[data-live-key]");
