@@ -123,7 +123,9 @@ def relate(trips: Sequence[RoundTrip], resolution_s: float = 1e-6) -> ClockRelat
     took = received - sent
     chosen = _quickest(took)
     delay_us = (took - np.min(took)) * 1e6
-    offset, drift, half, scatter = _regression(middle_x[chosen], middle_y[chosen], delay_us[chosen])
+    offset, drift, half, scatter = _regression(
+        middle_x[chosen], middle_y[chosen], delay_us[chosen], resolution_s * 1e6
+    )
     offset_bounds, drift_bounds = _bounds(x_sent, most, x_received, least)
     drift = min(max(drift, drift_bounds[0]), drift_bounds[1])
     interval = (max(drift - half, drift_bounds[0]), min(drift + half, drift_bounds[1]))
@@ -152,7 +154,9 @@ def _quickest(took: _FLOAT) -> npt.NDArray[np.intp]:
     return np.array([low + int(np.argmin(took[low:high])) for low, high in itertools.pairwise(edges)])
 
 
-def _regression(x_s: _FLOAT, y_us: _FLOAT, delay_us: _FLOAT) -> tuple[float, float, float, float]:
+def _regression(
+    x_s: _FLOAT, y_us: _FLOAT, delay_us: _FLOAT, step_us: float
+) -> tuple[float, float, float, float]:
     """Value at x = 0, slope, half of its 95 % interval, and the residuals' standard deviation.
 
     `delay_us` is what each took longer than the quickest of all. Where delays fall on one direction more than
@@ -169,7 +173,8 @@ def _regression(x_s: _FLOAT, y_us: _FLOAT, delay_us: _FLOAT) -> tuple[float, flo
     solution = inverse @ y_us
     residual = y_us - matrix @ solution
     freedom = len(x_s) - matrix.shape[1]
-    scatter = math.sqrt(float(residual @ residual) / freedom)
+    # Readings that happen to agree are still rounded.
+    scatter = max(math.sqrt(float(residual @ residual) / freedom), step_us / math.sqrt(12))
     half = float(t.ppf((1 + _CONFIDENCE) / 2, freedom)) * scatter * float(np.linalg.norm(inverse[1]))
     return float(solution[0]), float(solution[1]), half, scatter
 

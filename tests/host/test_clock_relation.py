@@ -117,6 +117,12 @@ def test_a_clock_that_jumps_is_told_and_not_averaged() -> None:
         relate(trips[:half] + moved)
 
 
+def test_readings_that_agree_to_the_microsecond_are_still_rounded() -> None:
+    trips = [RoundTrip(k * 0.01, k * 0.01 + 4e-4, k * 0.01 + 2e-4) for k in range(100)]
+    low, high = relate(trips).drift_ci95_ppm
+    assert low < -0.1 < 0.1 < high
+
+
 def test_too_few_round_trips_are_refused() -> None:
     with pytest.raises(ClockError, match="7 round trips are too few"):
         relate(measured("a bare serial line", 0.0, 1)[:7])
