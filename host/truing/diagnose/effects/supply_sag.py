@@ -1,12 +1,13 @@
 """The supply voltage falls with load current, and with the charge that has been drawn.
 
-    V = 1 - a L - b Q,   L = 1/2 sum over wheels of u (u V - v / g),   Q = share of the set's charge drawn
+    V = 1 - a L - b Q,   L = 1/2 sum over wheels of u (u V - e v / g),   Q = share of the set's charge drawn
 
 A source with internal resistance feeding two pulse-width bridges: a bridge at duty u passes the share u
-of its motor's current on to the battery, and the motor's current is (u V - v / g) of its stall current
+of its motor's current on to the battery, and the motor's current is (u V - e v / g) of its stall current
 (Linden, Handbook of Batteries, section 3.2; Mohan, Undeland and Robbins, Power Electronics, section 7.7).
 `a` is the drop with both motors stalled at full effort, `b` the drop from the set's first to its last
-moment.
+moment. `e`, a nuisance, is back-EMF at full speed over the supply: a motor without losses takes no current
+there (e = 1), one that is held back by friction in its bearings and gears does.
 
 In data: strong accelerations fall short while steady speeds hold; one wheel slows down when the other is
 loaded; the same effort gives less speed at the end of the set than at its start.
@@ -24,11 +25,16 @@ from truing.diagnose.effect import Effect, Parameter
 
 
 def supply(
-    drop_at_stall: float, drop_over_set: float, duty_square: float, duty_speed: float, slow: float
+    drop_at_stall: float,
+    drop_over_set: float,
+    back_emf: float,
+    duty_square: float,
+    duty_speed: float,
+    slow: float,
 ) -> float:
     """Supply voltage over nominal; the load is solved together with the voltage that it causes."""
     open_circuit = 1.0 - drop_over_set * slow
-    return (open_circuit + drop_at_stall * duty_speed) / (1.0 + drop_at_stall * duty_square)
+    return (open_circuit + drop_at_stall * back_emf * duty_speed) / (1.0 + drop_at_stall * duty_square)
 
 
 def slow(dt: FloatArray, draw: FloatArray, out: FloatArray) -> None:
@@ -64,6 +70,7 @@ EFFECT = Effect(
     parameters=(
         Parameter("drop_at_stall", "1", 0.0, 0.8, 0.0, (0.08, 0.3)),
         Parameter("drop_over_set", "1", 0.0, 0.5, 0.0, (0.04, 0.12)),
+        Parameter("back_emf", "1", 0.3, 1.0, 1.0, (0.9,), nuisance=True),
     ),
     exercised=_exercised,
     couples=True,
