@@ -1,9 +1,10 @@
 """The driver limits the motor's current, so that torque saturates.
 
-    T dv/dt = g (clip(u - v / g, ±limit)) while clipped, the baseline otherwise
+    T dv/dt = g (clip(u - e v / g, ±limit)) - (1 - e) v while clipped, the baseline otherwise
 
-The motor's torque is u - v / g of its stall torque (the linear torque-speed line of a permanent-magnet
-motor, Hughes and Drury, Electric Motors and Drives, section 3.4); a chopper drive clips it.
+The motor's torque is u - e v / g of its stall torque (the linear torque-speed line of a permanent-magnet
+motor, Hughes and Drury, Electric Motors and Drives, section 3.4); a chopper drive clips it. `e`, a nuisance,
+is back-EMF at full speed over the supply: the rest of what slows the robot with speed is no current's.
 
 In data: accelerations never exceed limit g / T: a large step rises along a straight line before it turns
 into the exponential; small steps and steady speeds are right. A reversal at full effort asks for up to
@@ -28,6 +29,11 @@ def torque_limit(limit: float) -> float:
     return limit
 
 
+def back_emf(back_emf: float) -> float:
+    """Back-EMF at the full-effort speed, over the supply."""
+    return back_emf
+
+
 def _exercised(data: SetData) -> float:
     asked = np.zeros_like(data.effort)
     asked[1:] = np.abs(data.effort[1:] - exercise.relative_speed(data)[:-1])
@@ -38,7 +44,7 @@ def _exercised(data: SetData) -> float:
 EFFECT = Effect(
     name="current_limit",
     title="a current limit in the driver",
-    equation="motor torque u - v / g is clipped at ±limit",
+    equation="motor torque u - e v / g is clipped at ±limit; e v / g the back-EMF",
     source="Hughes and Drury, Electric Motors and Drives, section 3.4",
     looks_like="large steps rise along a straight line; small steps and steady speeds are right",
     separated_by={
@@ -46,7 +52,10 @@ EFFECT = Effect(
         "wheel_slip": "a full-effort reversal with an outside pose",
         "driver_lag": "steps of several heights: a lag scales with the step, a limit does not",
     },
-    parameters=(Parameter("limit", "1", 0.05, 2.0, 2.0, (0.6, 0.4, 0.25), scan=True),),
+    parameters=(
+        Parameter("limit", "1", 0.05, 2.0, 2.0, (0.6, 0.4, 0.25), scan=True),
+        Parameter("back_emf", "1", 0.3, 1.0, 1.0, (0.9,), nuisance=True),
+    ),
     exercised=_exercised,
     step_share=0.04,
     exact=True,

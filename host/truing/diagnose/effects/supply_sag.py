@@ -25,16 +25,16 @@ from truing.diagnose.effect import Effect, Parameter
 
 
 def supply(
-    drop_at_stall: float,
-    drop_over_set: float,
-    back_emf: float,
-    duty_square: float,
-    duty_speed: float,
-    slow: float,
+    drop_at_stall: float, drop_over_set: float, duty_square: float, duty_speed: float, slow: float
 ) -> float:
     """Supply voltage over nominal; the load is solved together with the voltage that it causes."""
     open_circuit = 1.0 - drop_over_set * slow
-    return (open_circuit + drop_at_stall * back_emf * duty_speed) / (1.0 + drop_at_stall * duty_square)
+    return (open_circuit + drop_at_stall * duty_speed) / (1.0 + drop_at_stall * duty_square)
+
+
+def back_emf(back_emf: float) -> float:
+    """Back-EMF at the full-effort speed, over the supply."""
+    return back_emf
 
 
 def slow(dt: FloatArray, draw: FloatArray, out: FloatArray) -> None:

@@ -3,8 +3,11 @@
 The baseline of each wheel, in effort units, is `tau dv/dt = gain u - v`. With every stage in place:
 
     u  = drive(command(t - delay)), lagged by `lag`, times `supply`
-    m  = clip(u - v / g, torque_limit)                    what the motor gives; g = gain * gain()
-    dv/dt = (g / T) (m + push - s (friction + scrub))      T = tau * inertia(), s the direction
+    m  = clip(u - e v / g, torque_limit)                   what the motor gives; g = gain * gain()
+    dv/dt = (g / T) (m - (1 - e) v / g + push - s (friction + scrub))   T = tau * inertia(), s the direction
+
+The baseline cannot tell a motor's back-EMF from losses that grow with speed; where current matters,
+`back_emf` is the share e of it.
 
 `coupling` adds the other wheel's acceleration; `speed_limit` holds the speed; `gap` and `grip` split the
 wheel into bodies that touch or slide. The encoder's travel over a row passes through `measure` and is
@@ -43,8 +46,9 @@ STAGES: dict[str, Stage] = {
         "product",
         ("duty_square", "duty_speed", "slow"),
         "supply voltage over nominal; duty_square and duty_speed are half the sums over both wheels of "
-        "u^2 and u v / g (the load current of a pulse-width bridge is u (u V - v / g))",
+        "u^2 and u e v / g (the load current of a pulse-width bridge is u (u V - e v / g))",
     ),
+    "back_emf": Stage("product", (), "back-EMF at the full-effort speed, over the supply"),
     "friction": Stage("sum", ("speed", "direction"), "effort against the motion at this |speed| (m/s)"),
     "scrub": Stage("sum", (), "effort against the wheels turning differently"),
     "push": Stage(

@@ -104,12 +104,13 @@ def evaluate(
     starting: bool,
 ) -> None:
     """Level and rate of both wheels at the speeds `k[AT]`; what is held is decided when `starting`."""
+    emf = stage.back_emf(p, active) if active & stage.USES_BACK_EMF else 1.0
     voltage = 1.0
     if active & stage.USES_SUPPLY:
         square, speed = 0.0, 0.0
         for w in range(2):
             square += 0.5 * k[MEAN, w] * k[MEAN, w]
-            speed += 0.5 * k[MEAN, w] * k[AT, w] / p[2 * w]
+            speed += 0.5 * k[MEAN, w] * emf * k[AT, w] / p[2 * w]
         voltage = stage.supply(p, active, 0, row, slows, square, speed)
     shear = stage.scrub(p, active) if active & stage.USES_SCRUB else 0.0
     for w in range(2):
@@ -130,7 +131,7 @@ def evaluate(
             k[DIRECTION, w] = math.copysign(1.0, v if v != 0.0 else k[START, w] * voltage + k[PUSH, w])
     for again in range(2):
         for w in range(2):
-            _inertial(p, active, k, row, elapsed, slows, limit, w, starting)
+            _inertial(p, active, k, row, elapsed, slows, limit, emf, w, starting)
         if again == 1 or not starting or not active & stage.USES_SCRUB:
             break
         if not _shear(k, limit, shear):
@@ -147,6 +148,7 @@ def evaluate(
         k[SWING, w] = 0.0
         if k[HELD, w] == 0.0:
             motor = k[LIMITED, w] * limit
+            k[RATE, w] = k[CALM, w] * (1.0 - emf)
             if k[LIMITED, w] == 0.0:
                 motor = k[EFFORT, w]
                 k[RATE, w] = k[CALM, w]
@@ -174,6 +176,7 @@ def _inertial(
     elapsed: float,
     slows: FloatArray,
     limit: float,
+    emf: float,
     w: int,
     starting: bool,
 ) -> None:
@@ -191,7 +194,7 @@ def _inertial(
     if active & stage.USES_FRICTION:
         k[LOSS, w] = stage.friction(p, active, w, abs(v), s)
     if active & stage.USES_TORQUE_LIMIT:
-        motor = k[EFFORT, w] - v / k[GAIN, w]
+        motor = k[EFFORT, w] - emf * v / k[GAIN, w]
         k[LIMITED, w] = math.copysign(1.0, motor) if abs(motor) > limit else 0.0
 
 
@@ -355,6 +358,7 @@ def step(
     h = h_wanted
     lag = stage.lag(p, active) if active & stage.USES_LAG else 0.0
     limit = stage.torque_limit(p, active) if active & stage.USES_TORQUE_LIMIT else math.inf
+    emf = stage.back_emf(p, active) if active & stage.USES_BACK_EMF else 1.0
     ceiling = stage.speed_limit(p, active) if active & stage.USES_SPEED_LIMIT else math.inf
     split = active & (stage.USES_GAP | stage.USES_GRIP) != 0
     middle = active & stage.USES_SPEED != 0 and not split
@@ -417,9 +421,10 @@ def step(
                 if 0.0 <= when < first:
                     first, event, goal = when, w, top
             if lag <= 0.0 and k[LIMITED, w] != 0.0:
-                out = k[GAIN, w] * (k[EFFORT, w] - k[LIMITED, w] * limit)
-                if (end - out) * (v - out) < 0.0 and 0.0 <= (out - v) / k[LEVEL, w] < first:
-                    first, event = (out - v) / k[LEVEL, w] + PAST_EVENT_S, PAST
+                out = k[GAIN, w] * (k[EFFORT, w] - k[LIMITED, w] * limit) / emf
+                when = _crossing(k, w, h, out, lag, share) if (end - out) * (v - out) < 0.0 else -1.0
+                if 0.0 <= when < first:
+                    first, event = when + PAST_EVENT_S, PAST
         if active & stage.USES_SCRUB and k[OWN, 1] == 0.0 and k[SPEED, 0] != k[SPEED, 1]:
             when = _crossing(k, MEETING, h, 0.0, lag, share)
             if 0.0 <= when < first:
@@ -428,7 +433,7 @@ def step(
             break
         h = max(first, TINY_S)
     if split:
-        _step_bodies(p, active, k, h, limit, radius)
+        _step_bodies(p, active, k, h, limit, emf, radius)
     else:
         for w in range(2):
             v, rate = k[SPEED, w], k[RATE, w]
@@ -450,7 +455,7 @@ def step(
         if lag > 0.0:
             k[DUTY, w] = k[TARGET, w] + (k[DUTY, w] - k[TARGET, w]) * k[LAG + KEEP, 0]
         if track:
-            current = k[EFFORT, w] - k[GONE, w] / (h * p[2 * w])
+            current = k[EFFORT, w] - emf * k[GONE, w] / (h * p[2 * w])
             k[HEAT, w] += current * current * h
             k[DRAW, 0] += 0.5 * k[MEAN, w] * current * h
         if active & stage.USES_AFTER_STEP:
@@ -467,6 +472,7 @@ def _step_bodies(
     k: FloatArray,
     h: float,
     limit: float,
+    emf: float,
     radius: float,
 ) -> None:
     """Advance both wheels by `h` where a gap or a sliding tyre splits them into bodies."""
@@ -477,7 +483,7 @@ def _step_bodies(
         gap = stage.gap(p, active, w, radius) if active & stage.USES_GAP else 0.0
         limited = k[LIMITED, w] != 0.0
         motor = k[LIMITED, w] * limit if limited else k[EFFORT, w]
-        back_emf = 0.0 if limited else 1.0 / k[GAIN, w]
+        resisting = (1.0 - emf if limited else 1.0) / k[GAIN, w]
         pushed = k[PUSH, w]
         if k[HELD, w] == 0.0:
             pushed = k[LEVEL, w] / k[SLOPE, w] + k[DIRECTION, w] * k[LOSS, w] - motor
@@ -486,7 +492,7 @@ def _step_bodies(
             w,
             h,
             motor,
-            back_emf,
+            resisting,
             pushed,
             k[LOSS, w],
             k[SLOPE, w],

@@ -11,7 +11,7 @@ from truing.diagnose.data import FloatArray
 
 USES_SUPPLY = USES_SCRUB = USES_PUSH = USES_COUPLING = USES_SPEED_LIMIT = USES_TORQUE_LIMIT = 0
 USES_GAP = USES_GRIP = USES_SLOW = USES_AFTER_STEP = USES_ANGLE = USES_HEADING = USES_MEASURE = 0
-USES_SPEED = USES_DIRECTION = 0
+USES_SPEED = USES_DIRECTION = USES_BACK_EMF = 0
 USES_DELAY = USES_LAG = USES_DRIVE = USES_GAIN = USES_INERTIA = USES_FRICTION = 0
 SLOW_SLOTS = STATE_SLOTS = 1
 
@@ -34,6 +34,10 @@ def drive(p: P, active: int, wheel: int, effort: float) -> float:
 def supply(
     p: P, active: int, wheel: int, row: int, slows: FloatArray, duty_square: float, duty_speed: float
 ) -> float:
+    return 1.0
+
+
+def back_emf(p: P, active: int) -> float:
     return 1.0
 
 
