@@ -26,7 +26,9 @@ PARTS = 4
 STILL = 2e-3
 # Effort that changes by more than this over two rows may have jumped in the row between.
 LEAST_JUMP = 0.03
-# Where it does not stand still after such a change, a kick fell somewhere inside the row.
+# An edge between levels that last fewer rows than this is no more than a guess.
+LASTING = 4
+# Where it does not stand still for two rows after such a change, a kick fell somewhere inside the row.
 LEAST_KICK = 0.01
 # A run's course is taken for smooth when that leaves this share of its squared error, at most.
 BETTER = 0.9
@@ -57,12 +59,10 @@ def doubt_of_courses(data: SetData) -> FloatArray:
     A sweep faster than the log can follow leaves all courses wrong; so does a controller that kicks at a
     moment inside a row that nobody knows.
     """
-    held = replace(data, pieces=held_pieces(data.t_s, data.effort, data.starts, data.interval_s))
-    courses = [_speeds(held)]
-    for split in (_smooth, _jumping, _late):
-        other = recut(held, range(data.runs), split)
-        if not _same(other, held):
-            courses.append(_speeds(other))
+    rows = data.t_s, data.effort, data.starts, data.interval_s
+    guessed, held = (replace(data, pieces=held_pieces(*rows, lasting)) for lasting in (2, LASTING))
+    others = [recut(held, range(data.runs), split) for split in (_smooth, _jumping, _late)]
+    courses = [_speeds(held), *(_speeds(other) for other in (guessed, *others) if not _same(other, held))]
     return np.asarray(np.ptp(np.stack(courses), axis=0))
 
 
@@ -153,18 +153,27 @@ def _jumping(end: FloatArray, effort: FloatArray, supply: FloatArray) -> Cut:
 
 
 def _late(end: FloatArray, effort: FloatArray, supply: FloatArray) -> Cut:
-    """One segment's pieces with every kick (a row unlike both neighbours) in the second half of its row."""
+    """One segment's pieces with every kick (a jump, and no standstill after it) late in its row.
+
+    Where it runs on into the next row and ends there, it is early in that one.
+    """
     if len(effort) < 5:
         return end, effort, supply
     width = np.diff(end, prepend=2.0 * end[0] - end[1])
     usual = np.abs(width / np.median(width) - 1.0) < 0.2
     change = np.abs(np.diff(effort))
-    rows = 1 + np.flatnonzero((change[:-1] > LEAST_JUMP) & (change[1:] > LEAST_KICK) & usual[1:-1])
-    before = effort[rows - 1]
-    level = effort.copy()
-    level[rows] = np.clip(2.0 * effort[rows] - before, -1.0, 1.0)
-    cut = end[rows] - 0.5 * width[rows]
-    return np.insert(end, rows, cut), np.insert(level, rows, before), np.insert(supply, rows, supply[rows])
+    moves_on = np.maximum(change[1:], np.append(change[2:], 0.0)) > LEAST_KICK
+    rows = 1 + np.flatnonzero((change[:-1] > LEAST_JUMP) & moves_on & usual[1:-1])
+    on = np.setdiff1d(rows + 1, rows)
+    on = on[(on < len(effort) - 1) & usual[np.minimum(on, len(effort) - 1)]]
+    on = on[np.abs(effort[on + 1] - effort[on]) > LEAST_JUMP]
+    level, first = effort.copy(), effort.copy()
+    first[rows], level[rows] = effort[rows - 1], 2.0 * effort[rows] - effort[rows - 1]
+    first[on], level[on] = 2.0 * effort[on] - effort[on + 1], effort[on + 1]
+    cut = np.union1d(rows, on)
+    halves = end[cut] - 0.5 * width[cut]
+    level, first = np.clip(level, -1.0, 1.0), np.clip(first, -1.0, 1.0)
+    return np.insert(end, cut, halves), np.insert(level, cut, first[cut]), np.insert(supply, cut, supply[cut])
 
 
 def _smooth(end: FloatArray, effort: FloatArray, supply: FloatArray) -> Cut:

@@ -323,12 +323,15 @@ def _grain(travel: FloatArray, starts: IntArray) -> float:
 
 
 def held_pieces(
-    t_s: FloatArray, effort: FloatArray, starts: IntArray, interval_s: FloatArray
+    t_s: FloatArray, effort: FloatArray, starts: IntArray, interval_s: FloatArray, lasting: int = 2
 ) -> tuple[Pieces, Pieces]:
-    """Each wheel's effort as the simulation sees it: held over a row, cut where an edge fell inside one."""
+    """Each wheel's effort as the simulation sees it: held over a row, cut where an edge fell inside one.
+
+    An edge is one between levels that last so many rows.
+    """
     no_supply = np.zeros(len(t_s))
     left, right = (
-        excitation(t_s, np.ascontiguousarray(effort[:, w]), no_supply, starts, interval_s).pieces
+        excitation(t_s, np.ascontiguousarray(effort[:, w]), no_supply, starts, interval_s, lasting).pieces
         for w in (0, 1)
     )
     return left, right

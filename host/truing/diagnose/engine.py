@@ -17,7 +17,7 @@ from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.data import SetData, set_data
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.held_out import folds_of
-from truing.diagnose.noise import Noise, white_noise
+from truing.diagnose.noise import Noise, foretold_doubt, white_noise
 from truing.diagnose.problem import CLIP, Problem, base_columns, lagged_rows, noise_left, pose_spread
 from truing.diagnose.recorder import with_judged_signal
 from truing.diagnose.result import Diagnosis
@@ -139,6 +139,7 @@ def first_look(data: SetData, simulator: SetSimulator) -> _Stage:
     noise = noise_under(problem, base)
     doubt = doubt_of_courses(data)
     if doubt.any():
+        doubt = np.hypot(doubt, foretold_doubt(noise, doubt, lagged))
         problem = replace(problem, counted=problem.counted / (1.0 + (doubt / noise.sigma) ** 2))
         noise = noise_under(problem, base)
     problem = problem.with_noise(noise)

@@ -122,6 +122,17 @@ def whiten(noise: Noise, columns: FloatArray, counted: FloatArray, lagged: IntAr
     return out.reshape(columns.shape)
 
 
+def foretold_doubt(noise: Noise, doubt: FloatArray, lagged: IntArray) -> FloatArray:
+    """How doubtful is what the rows before foretell of each row, shape (n, 2), m/s.
+
+    Parameters
+    ----------
+    doubt : shape (n, 2), m/s, of each row itself.
+    """
+    beyond = np.concatenate((doubt, np.zeros((1, 2))))  # a row that has no such predecessor has number n
+    return np.asarray(np.einsum("knw,wk->nw", beyond[np.minimum(lagged, len(doubt))], np.abs(noise.lags)))
+
+
 @compiled
 def _whiten(
     columns: FloatArray,

@@ -13,6 +13,8 @@ from truing.model.kernel import FloatArray, IntArray
 # stand still to within this share of the difference.
 LEAST_EDGE = 0.01
 STILL_SHARE = 0.05
+# One that fell nearer to a row's end than this share of the interval fell on it.
+LEAST_PART = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,9 +66,18 @@ class Excitation:
 
 
 def excitation(
-    t_s: FloatArray, effort: FloatArray, supply: FloatArray, starts: IntArray, interval_s: FloatArray
+    t_s: FloatArray,
+    effort: FloatArray,
+    supply: FloatArray,
+    starts: IntArray,
+    interval_s: FloatArray,
+    lasting: int = 2,
 ) -> Excitation:
     """An excitation whose pieces are the intervals, cut where an edge fell inside one.
+
+    Parameters
+    ----------
+    lasting : rows for which the effort stands still on either side of an edge.
 
     A log holds the mean effort of an interval. Where the effort stands still on both sides of a row
     and the row lies between the two levels, one edge fell inside its interval, and the mean says
@@ -78,7 +89,7 @@ def excitation(
     piece_starts = [0]
     for a, b in pairwise(starts):
         t, u, s = t_s[a:b], effort[a:b], supply[a:b]
-        rows = _rows_with_edge(u)
+        rows = _rows_with_edge(u, lasting)
         before, after = u[rows - 1], u[rows + 1]
         cut = t[rows - 1] + (u[rows] - after) / (before - after) * (t[rows] - t[rows - 1])
         level = u.copy()
@@ -96,12 +107,19 @@ def excitation(
     return Excitation(t_s, effort, supply, starts, interval_s, pieces)
 
 
-def _rows_with_edge(effort: FloatArray) -> IntArray:
+def _rows_with_edge(effort: FloatArray, lasting: int) -> IntArray:
     """Rows of one segment inside whose interval a single edge fell."""
-    if len(effort) < 5:
+    width = 2 * lasting + 1
+    if len(effort) < width:
         return np.zeros(0, dtype=np.int64)
-    early, before, here, after, late = (effort[k : len(effort) - 4 + k] for k in range(5))
+    seen = np.lib.stride_tricks.sliding_window_view(effort, width)
+    before, here, after = (seen[:, lasting + k] for k in (-1, 0, 1))
     height = np.abs(after - before)
-    still = (np.abs(before - early) <= STILL_SHARE * height) & (np.abs(late - after) <= STILL_SHARE * height)
-    between = (here - before) * (here - after) < 0.0
-    return (np.flatnonzero(still & between & (height > LEAST_EDGE)) + 2).astype(np.int64)
+    away = np.maximum(
+        np.abs(seen[:, :lasting] - before[:, None]).max(axis=1),
+        np.abs(seen[:, lasting + 1 :] - after[:, None]).max(axis=1),
+    )
+    still = away <= STILL_SHARE * height
+    part = np.divide(here - before, after - before, out=np.zeros_like(height), where=height > LEAST_EDGE)
+    between = (part > LEAST_PART) & (part < 1.0 - LEAST_PART)
+    return (np.flatnonzero(still & between) + lasting).astype(np.int64)
