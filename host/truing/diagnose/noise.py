@@ -26,7 +26,7 @@ from truing.model.kernel import FloatArray, IntArray
 REACH_S = 0.3
 LEAST_ORDER, LARGEST_ORDER = 4, 8
 # Correlations of the noise fade at least as fast as in this many time constants of the wheel.
-MEMORY_TAUS = 2.0
+MEMORY_TAUS = 1.6
 # Ridge on the normal equations, relative: keeps the lags of a wheel that hardly moves defined.
 RIDGE = 1e-6
 
@@ -100,7 +100,8 @@ def estimate_noise(
         r_past, weight_past = np.append(r, 0.0)[index], np.append(weight, 0.0)[index]
         power = max(float(r @ r / max(weight @ weight, 1.0)), floor[wheel] ** 2)
         cross = (r_past @ r) / np.maximum(weight_past @ weight, 1.0)
-        fade = np.exp(-np.arange(1, reach + 1) * interval_s / max(float(fade_s[wheel]), interval_s))
+        apart_s = np.arange(1, reach + 1) * interval_s
+        fade = np.exp(-0.5 * (apart_s / max(float(fade_s[wheel]), interval_s)) ** 2)
         covariance = np.concatenate(([power], cross * fade))
         gram = covariance[apart] + np.eye(len(lags)) * RIDGE * power
         found.lags[wheel] = np.linalg.solve(gram, covariance[lags])

@@ -39,8 +39,9 @@ LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.35, 3.0, 0.3
 # What is left, foretold or in moments that no noise makes, is unexplained also where it holds this share
 # of a wheel's residual energy and the accused effects took away less than a few times as much.
 LEAST_FORETOLD, LEAST_BURSTS, LEFT_OF_EXPLAINED = 0.06, 0.12, 0.4
-# Bursts in more than this share of the rows are no events: the noise itself is larger there.
-MOST_BURST_ROWS = 0.1
+# Bursts in more than this share of the rows are no events, the noise itself is larger there, unless they
+# stand this many times above the rest in RMS. A row that counts for less than this says nothing of events.
+MOST_BURST_ROWS, ABOVE_REST, LEAST_WEIGHT = 0.1, 5.0, 0.5
 # A residual is more than rounding above this many times rounding's own RMS.
 ABOVE_ROUNDING = 1.2
 # The baseline's numbers are off beyond this RMS over noise.
@@ -188,9 +189,12 @@ def outweighs(search: Search, left: Structure, best: Fit, base: Fit) -> bool:
     problem = search.problem
     energy = (best.residual.wheels**2).sum(axis=0)
     sure = (left.share > LEFT_ERRORS * left.error) & (left.share > LEAST_FORETOLD)
-    bursts = find_bursts(problem.data, best.residual.wheels)
+    known = np.where(problem.counted > LEAST_WEIGHT, best.residual.wheels, 0.0)
+    bursts = find_bursts(problem.data, known)
     foretold = float(np.where(sure, left.share, 0.0) @ energy)
-    few = bursts.rows.mean(axis=0) < MOST_BURST_ROWS
+    rows = bursts.rows.mean(axis=0)
+    above = bursts.share * (1.0 - rows) > ABOVE_REST**2 * rows * (1.0 - bursts.share)
+    few = (rows < MOST_BURST_ROWS) | above
     sudden = float(np.where((bursts.share > LEAST_BURSTS) & few, bursts.share, 0.0) @ energy)
     explained = 2.0 * search.better(best, base).gain if best.effects else 0.0
     return max(foretold, sudden) > LEFT_OF_EXPLAINED * max(explained, 0.0)
