@@ -7,6 +7,7 @@ every number, and standard errors over blocks of time) *and* large enough to mat
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -34,8 +35,8 @@ LEAST_SECOND, SECOND_SHARE, SECOND_GAIN = 0.4, 0.15, 0.05
 RIVAL_GAIN, RIVAL_TIMES = 6.0, 0.15
 MOST_RIVALS, MOST_PAIRS_WEIGHED = 3, 3
 # What a flexible model still foretells is unexplained beyond these: RMS over noise, standard errors of the
-# share, share of what was explained in RMS.
-LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.35, 3.0, 0.3
+# share, share (in RMS) of what it foretells of the refitted baseline's error.
+LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.33, 3.0, 0.3
 # What is left, foretold or in moments that no noise makes, is unexplained also where it holds this share
 # of a wheel's residual energy and the accused effects took away less than a few times as much.
 LEAST_FORETOLD, LEAST_BURSTS, LEFT_OF_EXPLAINED = 0.06, 0.12, 0.4
@@ -76,16 +77,16 @@ class Reasoning:
         return self.search.problem
 
 
-def reason(search: Search, tried: list[str], structure_of: object) -> Reasoning:
+def reason(search: Search, tried: list[str], structure_of: Callable[[Problem, Fit], Structure]) -> Reasoning:
     """Weigh the fits of a search."""
     problem, base = search.problem, search.fits[()]
     start = problem.simulator.start()
     given = Fit((), start, (), problem.residual(start, ()))
     best = choose(search, base)
-    left = beyond_resolution(problem, best, structure_of(problem, best))  # type: ignore[operator]
+    left = beyond_resolution(problem, best, structure_of(problem, best))
     rivals = rivals_of(search, best) if best.effects else ()
-    strength = search.better(best, base).times_noise if best.effects else 0.0
-    if remains(left, strength) or outweighs(search, left, best, base):
+    before = structure_of(problem, base) if best.effects else None
+    if remains(left, before) or outweighs(search, left, best, base):
         verdict: Verdict = "unexplained"
     elif best.effects:
         verdict = "ambiguous" if rivals else "missing_physics"
@@ -177,11 +178,11 @@ def beyond_resolution(problem: Problem, best: Fit, left: Structure) -> Structure
     return Structure(np.where(seen, left.share, 0.0), left.error, left.foretold)
 
 
-def remains(left: Structure, strength: float) -> bool:
-    """Whether structure is left that matters, beside the noise and beside what was explained."""
-    times = left.times_noise
+def remains(left: Structure, before: Structure | None) -> bool:
+    """Whether structure is left that matters, beside the noise and beside what was there before."""
+    strength = 0.0 if before is None else float(before.times_noise.max())
     sure = left.share > LEFT_ERRORS * left.error
-    return bool(np.any(sure & (times > max(LEFT_TIMES, LEFT_SHARE * strength))))
+    return bool(np.any(sure & (left.times_noise > max(LEFT_TIMES, LEFT_SHARE * strength))))
 
 
 def outweighs(search: Search, left: Structure, best: Fit, base: Fit) -> bool:
