@@ -26,7 +26,7 @@ SURE_GAIN = 10.0
 # A moment is evidence where it says this much: no knock is told so well by numbers that say nothing
 # everywhere else. What the numbers leave of it is weighed as any other rest.
 LOUD_GAIN = 150.0
-LEAST_FIRST = 0.2
+LEAST_FIRST = 0.25
 # A second effect must be worth more: a first one that is finer than its equation leaves a remainder. In
 # some signal it bends the model by this much of the noise and of what the first bends, and brings this
 # share of the log-likelihood.
