@@ -35,8 +35,8 @@ LEAST_SECOND, SECOND_SHARE, SECOND_GAIN = 0.4, 0.15, 0.05
 RIVAL_GAIN, RIVAL_TIMES = 6.0, 0.15
 MOST_RIVALS, MOST_PAIRS_WEIGHED = 3, 3
 # What a flexible model still foretells is unexplained beyond these: RMS over noise, standard errors of the
-# share, share (in RMS) of what it foretells of the refitted baseline's error.
-LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.33, 3.0, 0.3
+# share, share (in RMS) of what was explained.
+LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.33, 2.5, 0.33
 # What is left, foretold or in moments that no noise makes, is unexplained also where it holds this share
 # of a wheel's residual energy and the accused effects took away less than a few times as much.
 LEAST_FORETOLD, LEAST_BURSTS, LEFT_OF_EXPLAINED = 0.06, 0.12, 0.4
@@ -85,8 +85,7 @@ def reason(search: Search, tried: list[str], structure_of: Callable[[Problem, Fi
     best = choose(search, base)
     left = beyond_resolution(problem, best, structure_of(problem, best))
     rivals = rivals_of(search, best) if best.effects else ()
-    before = structure_of(problem, base) if best.effects else None
-    if remains(left, before) or outweighs(search, left, best, base):
+    if remains(left, best, base) or outweighs(search, left, best, base):
         verdict: Verdict = "unexplained"
     elif best.effects:
         verdict = "ambiguous" if rivals else "missing_physics"
@@ -178,11 +177,13 @@ def beyond_resolution(problem: Problem, best: Fit, left: Structure) -> Structure
     return Structure(np.where(seen, left.share, 0.0), left.error, left.foretold)
 
 
-def remains(left: Structure, before: Structure | None) -> bool:
-    """Whether structure is left that matters, beside the noise and beside what was there before."""
-    strength = 0.0 if before is None else float(before.times_noise.max())
+def remains(left: Structure, best: Fit, base: Fit) -> bool:
+    """Whether structure is left that matters, beside the noise and beside what was explained."""
+    after = (best.residual.wheels**2).mean(axis=0)
+    explained = float(np.max((base.residual.wheels**2).mean(axis=0) - after))
     sure = left.share > LEFT_ERRORS * left.error
-    return bool(np.any(sure & (left.times_noise > max(LEFT_TIMES, LEFT_SHARE * strength))))
+    matters = (left.times_noise > LEFT_TIMES) & (left.share * after > LEFT_SHARE**2 * explained)
+    return bool(np.any(sure & matters))
 
 
 def outweighs(search: Search, left: Structure, best: Fit, base: Fit) -> bool:
