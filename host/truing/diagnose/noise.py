@@ -26,7 +26,7 @@ from truing.model.kernel import FloatArray, IntArray
 REACH_S = 0.3
 LEAST_ORDER, LARGEST_ORDER = 4, 8
 # The noise's memory is at most this many time constants of the wheel.
-MEMORY_TAUS = 2.0
+MEMORY_TAUS = 1.2
 # Correlations are faded by a Gaussian of this many times the longest memory, and of less, step by step, until
 # the memory fits.
 WIDEST, FADES_BY, MOST_FADES = 2.0, 0.8, 16

@@ -29,11 +29,11 @@ LOUD_GAIN = 150.0
 LEAST_FIRST = 0.25
 # A second effect must be worth more: a first one that is finer than its equation leaves a remainder. In
 # some signal it bends the model by this much of the noise and of what the first bends, and brings this
-# share of the log-likelihood.
-LEAST_SECOND, SECOND_SHARE, SECOND_GAIN = 0.4, 0.15, 0.05
+# share of the log-likelihood; or that one, where it explains nothing by itself.
+LEAST_SECOND, SECOND_SHARE, SECOND_GAIN, LONE_GAIN = 0.3, 0.15, 0.02, 0.15
 # Another explanation is a rival unless it is worse by this much.
 RIVAL_GAIN, RIVAL_TIMES = 6.0, 0.15
-MOST_RIVALS, MOST_PAIRS_WEIGHED = 3, 3
+MOST_RIVALS, MOST_PAIRS_WEIGHED = 3, 5
 # What a flexible model still foretells is unexplained beyond these: RMS over noise, standard errors of the
 # share, share (in RMS) of what was explained.
 LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.33, 2.5, 0.33
@@ -111,12 +111,13 @@ def choose(search: Search, base: Fit) -> Fit:
 def needs_both(search: Search, pair: Fit) -> bool:
     """Whether neither part of a pair, nor any other single effect, does what the pair does."""
     base = search.fits[()]
-    parts = [search.fits[(name,)] for name in pair.effects if (name,) in search.fits]
-    parts.append(search.ranked(1)[0])
-    return all(_adds(search, pair, part, base) for part in parts)
+    alone = [search.fits[(name,)] for name in pair.effects if (name,) in search.fits]
+    stand = [one for one in alone if search.better(one, base).spread > SURE_GAIN]
+    least = SECOND_GAIN if len(stand) == len(pair.effects) else LONE_GAIN
+    return all(_adds(search, pair, part, base, least) for part in (*alone, search.ranked(1)[0]))
 
 
-def _adds(search: Search, pair: Fit, part: Fit, base: Fit) -> bool:
+def _adds(search: Search, pair: Fit, part: Fit, base: Fit, least: float) -> bool:
     problem = search.problem
     if search.better(pair, part).spread <= SURE_GAIN:
         return False
@@ -124,7 +125,7 @@ def _adds(search: Search, pair: Fit, part: Fit, base: Fit) -> bool:
     bends = any(a > max(LEAST_SECOND, SECOND_SHARE * b) for a, b in zip(more, first, strict=True))
     brought, total = moment_gains(problem, pair, part), moment_gains(problem, pair, base)
     brings = any(
-        float(a.sum()) > max(SURE_GAIN, SECOND_GAIN * float(b.sum()))
+        float(a.sum()) > max(SURE_GAIN, least * float(b.sum()))
         for a, b in zip(brought, total, strict=True)
     )
     return bends and brings
