@@ -36,7 +36,7 @@ RIVAL_GAIN, RIVAL_TIMES = 6.0, 0.15
 MOST_RIVALS, MOST_PAIRS_WEIGHED = 3, 5
 # What a flexible model still foretells is unexplained beyond these: RMS over noise, standard errors of the
 # share, share (in RMS) of what was explained.
-LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.33, 2.5, 0.33
+LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.33, 2.5, 0.4
 # What is left, foretold or in moments that no noise makes, is unexplained also where it holds this share
 # of a wheel's residual energy and the accused effects took away less than a few times as much.
 LEAST_FORETOLD, LEAST_BURSTS, LEFT_OF_EXPLAINED = 0.06, 0.12, 0.4
