@@ -132,6 +132,8 @@ def _statistics(signal: Signal, t_s: FloatArray, span: tuple[float, float] | Non
 
 
 STEPS_HEAD = ("wheel", "at, s", "input", "steady, m/s", "gain", "τ, s", "dead, s", "over, %", "ripple, mm/s")
+# After the point, of gain, time constant, dead time, overshoot and ripple: finer than any log tells them.
+_STEP_DIGITS = (3, 3, 3, 1, 2)
 
 
 def step_rows(run: Run, baseline: Baseline | None) -> list[list[str]]:
@@ -146,7 +148,8 @@ def step_rows(run: Run, baseline: Baseline | None) -> list[list[str]]:
             change = f"{step.previous:.3g} → {step.input:.3g}".replace("-", "−")
             quantities = (step.gain, step.time_constant, step.dead_time, step.overshoot, step.ripple)
             steady = "–" if step.steady_mps is None else _short(step.steady_mps)
-            rows.append([wheel, f"{step.start_s:.2f}", change, steady, *map(_quantity, quantities)])
+            shown = map(_quantity, quantities, _STEP_DIGITS)
+            rows.append([wheel, f"{step.start_s:.2f}", change, steady, *shown])
     return rows
 
 
@@ -164,8 +167,10 @@ def csv_text(
     return out.getvalue()
 
 
-def _quantity(quantity: Quantity) -> str:
-    return "–" if quantity.value is None else _short(quantity.value)
+def _quantity(quantity: Quantity, digits: int) -> str:
+    # Adding zero takes the sign from a zero.
+    value = quantity.value
+    return "–" if value is None else f"{round(value, digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
 def _short(value: float) -> str:

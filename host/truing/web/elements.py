@@ -11,7 +11,7 @@ from nicegui import events, ui
 from nicegui.element import Element
 
 from truing.web.error_model import Knob
-from truing.web.figures import panels
+from truing.web.figures import nothing
 from truing.web.pose import Pose
 
 
@@ -124,7 +124,7 @@ class Chart(ui.plotly):
     """A figure that keeps its place while it has nothing to show."""
 
     def __init__(self, label: str, *, height_px: int | None = None) -> None:
-        super().__init__(panels([]))
+        super().__init__(nothing("reading …"))
         self.classes("chart")
         self._props["role"] = "group"
         self._props["aria-label"] = label

@@ -59,6 +59,22 @@ class Panel:
     lines: Sequence[Line]
 
 
+def nothing(text: str) -> Figure:
+    """A figure that has nothing to show, and says what to do about it."""
+    figure = panels([])
+    figure["layout"] |= {
+        "xaxis": {"visible": False},
+        "yaxis": {"visible": False},
+        "annotations": [
+            {
+                "text": text, "showarrow": False, "font": {"size": 14, "color": DIM},
+                "xref": "paper", "yref": "paper", "x": 0.5, "y": 0.5,
+            }
+        ],
+    }  # fmt: skip
+    return figure
+
+
 def panels(parts: Sequence[Panel], *, linked: bool = True, select: bool = False, keep: str = "") -> Figure:
     """Panels one above the other.
 

@@ -13,9 +13,9 @@ from truing.plan import load_plan
 from truing.web.analysis_view import STATISTICS_HEAD, STEPS_HEAD, USUAL
 from truing.web.board_worker import RunOrder
 from truing.web.elements import Chart, Choice, PlainTable, Toggle, button, heading, number, say, tag
-from truing.web.figures import panels
+from truing.web.figures import nothing
 from truing.web.pages.live import task_panel
-from truing.web.pages.run_choice import RunChoice
+from truing.web.pages.run_choice import NO_RUNS, RunChoice
 from truing.web.session import ViewSession
 
 _VIEWS = {"signals": "Signals", "mismatch": "Mismatch"}
@@ -81,7 +81,8 @@ class _AnalysisPage:
                 self._diagnosis()
                 with tag("div"):
                     heading("Steps")
-                    self.steps = PlainTable("Metrics of every step")
+                    with tag("div", classes="many"):
+                        self.steps = PlainTable("Metrics of every step")
                 task_panel()
         self.runs.find()
         self.watch()
@@ -257,7 +258,16 @@ class _AnalysisPage:
     def _show_figure(self) -> None:
         """One element for both: a hidden plot cannot be resized."""
         figure = self.signals if self.view == "signals" else self.heat
-        self.chart.update_figure(figure if figure is not None and figure["data"] else panels([]))
+        if figure is None or not figure["data"]:
+            figure = nothing(self._why_empty())
+        self.chart.update_figure(figure)
+
+    def _why_empty(self) -> str:
+        if self.runs.run is None:
+            return NO_RUNS
+        if self.view == "mismatch":
+            return "no diagnosis of this set yet: start one at the right"
+        return "reading …" if self.signals is None else "choose signals at the right"
 
     def diagnose(self) -> None:
         """Start a diagnosis of the set."""

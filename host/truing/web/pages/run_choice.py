@@ -13,6 +13,7 @@ from truing.web.elements import Pick, tag
 from truing.web.run_library import FoundSet, find_sets
 from truing.web.session import ViewSession
 
+NO_RUNS = "no runs yet: upload and run a path under Trajectory,<br>or drop recordings on Compare"
 _NO_SETS = {"": "no runs on disk yet"}
 
 
@@ -60,6 +61,7 @@ class RunChoice:
     def _show(self, found: list[FoundSet], chosen: Path | None) -> None:
         self.sets = {str(one.path): one for one in found}
         if not found:
+            self._on_change()
             return
         every = [path for one in found for path in one.runs]
         if chosen is None or chosen not in every:

@@ -12,8 +12,8 @@ from nicegui import background_tasks, context
 from truing.errors import TruingError
 from truing.web.elements import Chart, PlainTable, TopView, button, heading, tag
 from truing.web.error_model import ModelChoice
-from truing.web.figures import panels
-from truing.web.pages.run_choice import RunChoice
+from truing.web.figures import nothing
+from truing.web.pages.run_choice import NO_RUNS, RunChoice
 from truing.web.session import ViewSession
 
 _BUSY = "simulating …"
@@ -131,6 +131,7 @@ class RunStage:
             while self._wanted:
                 self._wanted = False
                 if self.run is None:
+                    self.chart.update_figure(nothing(NO_RUNS))
                     return
                 start = self.session.comparison_start
                 request = {
@@ -155,7 +156,9 @@ class RunStage:
     def _show(self, found: dict[str, Any]) -> None:
         self._say(" ".join(f"{note}." for note in found["notes"]))
         self.top.set(paths=found["paths"])
-        self.chart.update_figure(found["figure"] if found["figure"]["data"] else panels([]))
+        self.chart.update_figure(
+            found["figure"] if found["figure"]["data"] else nothing("this run has no speeds")
+        )
         self.legend.clear()
         with self.legend:
             for path in found["paths"]:

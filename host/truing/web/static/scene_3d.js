@@ -26,9 +26,7 @@ export default {
     const sun = new THREE.DirectionalLight(0xffffff, 1.4);
     sun.position.set(4, -6, 9);
     this.scene.add(sun);
-    const grid = new THREE.GridHelper(40, 80, 0x5a6b80, 0x36424f);
-    grid.rotation.x = Math.PI / 2;
-    this.scene.add(grid);
+    this.scene.add(this.floor(15), this.floor(15, 0.5));
     this.eye = new THREE.PerspectiveCamera(50, 1, 0.02, 200);
     this.eye.up.set(0, 0, 1);
     this.eye.position.set(-3.2, -4.2, 3.4);
@@ -61,6 +59,17 @@ export default {
   },
   watch: { camera() { if (this.camera === "orbit" && this.controls) this.controls.enabled = true; } },
   methods: {
+    // Lines a metre apart, or between those. In pieces of a metre: software renderers drop a line whose end
+    // lies behind the camera.
+    floor(half, offset = 0) {
+      const THREE = this.three, ends = [];
+      for (let a = -half; a < half + 0.5; a += 1) for (let b = -half; b < half; b += 1) {
+        ends.push(a + offset, b, 0, a + offset, b + 1, 0, b, a + offset, 0, b + 1, a + offset, 0);
+      }
+      const geometry = new THREE.BufferGeometry();
+      geometry.setAttribute("position", new THREE.Float32BufferAttribute(ends, 3));
+      return new THREE.LineSegments(geometry, new THREE.LineBasicMaterial({ color: offset ? 0x1d2630 : 0x36424f }));
+    },
     makeRobot() {
       const THREE = this.three, robot = new THREE.Group();
       const part = (geometry, colour, x, y, z) => {
