@@ -24,6 +24,8 @@ from truing.model.kernel import FloatArray, IntArray
 RIDGES = (3.0, 30.0, 300.0, 3000.0)
 # Past efforts are looked at this far back, s.
 HISTORY_S = 0.5
+# Ringing is looked for at these frequencies, Hz, with this damping: a swing within a tenth of one is seen.
+RINGING_HZ, RINGING_DAMPING = np.geomspace(0.6, 3.5, 11), 0.06
 # Bumps over the floor along each axis.
 PLACES = 6
 # Bursts are looked for in stretches of this length, s; noise puts less than BURST_SHARE of its energy there.
@@ -38,11 +40,13 @@ class Structure:
     ----------
     share : shape (2,), of each wheel's whitened residual energy, on runs that it was not fitted to.
     error : shape (2,), standard error of the share over runs.
+    helped : shape (2,), share of the runs in which it foretells anything.
     foretold : shape (n, 2), m/s, the part of the residual that it foretells (each run from the others).
     """
 
     share: FloatArray
     error: FloatArray
+    helped: FloatArray
     foretold: FloatArray
 
     @property
@@ -70,7 +74,7 @@ def find_structure(
     taus : shape (2,), s, the wheels' time constants: torque features reach the speed through them.
     folds : shape (n,), which group of runs each row belongs to.
     """
-    share, error = np.zeros(2), np.zeros(2)
+    share, error, helped = np.zeros(2), np.zeros(2), np.zeros(2)
     foretold = np.zeros_like(residual)
     target = whiten(noise, residual, counted, lagged)
     for wheel in range(2):
@@ -103,7 +107,8 @@ def find_structure(
         runs = np.unique(data.run_of_row)
         by_run = np.array([gain[data.run_of_row == run].sum() for run in runs])
         error[wheel] = float(np.sqrt(np.sum((by_run - by_run.mean()) ** 2)) / total)
-    return Structure(share, error, foretold)
+        helped[wheel] = float((by_run > 0.0).mean())
+    return Structure(share, error, helped, foretold)
 
 
 def features(data: SetData, speeds: FloatArray, wheel: int, tau: float) -> FloatArray:
@@ -160,6 +165,7 @@ def features(data: SetData, speeds: FloatArray, wheel: int, tau: float) -> Float
         torque += _pulls(data, place, data.heading_rad)
     through = _lag(data, np.stack(torque, axis=1), tau)
     plain = [x, x * np.abs(x), x**3, np.abs(x), time * x, *_steps(data, u)]
+    plain += _ringing(data, 0.5 * (u + other))
     if angle is not None:
         plain += [trig(k * angle) * x for k in (1, 2) for trig in (np.sin, np.cos)]
     return np.concatenate((through, np.stack(plain, axis=1)), axis=1)
@@ -216,6 +222,19 @@ def _steps(data: SetData, u: FloatArray) -> list[FloatArray]:
     for k in lags:
         back = index - k * stride
         out.append(np.where(back >= first, change[np.maximum(back, 0)], 0.0))
+    return out
+
+
+def _ringing(data: SetData, u: FloatArray) -> list[FloatArray]:
+    """What changes of effort leave swinging, at every frequency as sine and cosine; none before a segment."""
+    interval_s = interval_of(data)
+    out = []
+    for hertz in RINGING_HZ[RINGING_HZ * interval_s < 0.2]:
+        pole = np.exp(2.0 * np.pi * hertz * interval_s * (1j - RINGING_DAMPING))
+        swing = np.zeros(len(u), dtype=complex)
+        for a, b in zip(data.starts[:-1], data.starts[1:], strict=True):
+            swing[a:b] = lfilter([1.0], [1.0, -pole], np.diff(u[a:b], prepend=u[a]))
+        out += [swing.real, swing.imag]
     return out
 
 

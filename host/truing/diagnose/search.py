@@ -72,6 +72,13 @@ class Search:
         """How much better `one` is than `other`."""
         return advantage(self.problem, one, other)
 
+    def alone(self, name: str, pair: Fit) -> Fit:
+        """The fit of one part of a pair, made now if it never looked promising."""
+        if (name,) not in self.fits:
+            done = fit(self.problem, (name,), pair.theta, iterations=15)
+            self.fits[name,] = self._no_worse(self.fits[()], done)
+        return self.fits[name,]
+
     def ranked(self, count: int) -> list[Fit]:
         """Fits with this many effects, best first, each number paid for."""
         base = self.fits[()]

@@ -8,7 +8,7 @@ every number, and standard errors over blocks of time) *and* large enough to mat
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -29,13 +29,18 @@ LOUD_GAIN = 150.0
 LEAST_FIRST = 0.25
 # A second effect must be worth more: a first one that is finer than its equation leaves a remainder. In
 # some signal it bends the model by this much of the noise and of what the first bends, and brings this
-# share of the log-likelihood; or that one, where it explains nothing by itself.
-LEAST_SECOND, SECOND_SHARE, SECOND_GAIN, LONE_GAIN = 0.3, 0.15, 0.02, 0.15
+# share of the log-likelihood; or that one, where it explains little by itself.
+LEAST_SECOND, SECOND_SHARE, SECOND_GAIN, LONE_GAIN = 0.3, 0.15, 0.02, 0.3
+# Two effects that are both there each explain by themselves about what they add to the other; one that mends
+# the other's equation does not. Share of the first that the second is.
+ALONE = 0.2
 # Another explanation is a rival unless it is worse by this much.
 RIVAL_GAIN, RIVAL_TIMES = 6.0, 0.15
 MOST_RIVALS, MOST_PAIRS_WEIGHED = 3, 5
 # What a flexible model still foretells is unexplained beyond these: RMS over noise, standard errors of the
-# share, share (in RMS) of what was explained.
+# share (or so many of the runs in which it foretells at all: a few loud ones make the error large), share
+# (in RMS) of what was explained.
+LEFT_RUNS = 0.75
 LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.33, 2.5, 0.4
 # What is left, foretold or in moments that no noise makes, is unexplained also where it holds this share
 # of a wheel's residual energy and the accused effects took away less than a few times as much.
@@ -97,11 +102,9 @@ def reason(search: Search, tried: list[str], structure_of: Callable[[Problem, Fi
 
 
 def choose(search: Search, base: Fit) -> Fit:
-    """The baseline, the best single effect, or the best two that each are needed."""
-    best = base
-    singles = search.ranked(1)
-    if singles and accused(search, singles[0], base, LEAST_FIRST):
-        best = singles[0]
+    """The baseline, the best single effect that matters, or the best two that each are needed."""
+    matter = (one for one in search.ranked(1) if accused(search, one, base, LEAST_FIRST))
+    best = next(matter, base)
     for pair in search.ranked(2)[:MOST_PAIRS_WEIGHED]:
         if needs_both(search, pair):
             return pair
@@ -112,9 +115,16 @@ def needs_both(search: Search, pair: Fit) -> bool:
     """Whether neither part of a pair, nor any other single effect, does what the pair does."""
     base = search.fits[()]
     alone = [search.fits[(name,)] for name in pair.effects if (name,) in search.fits]
-    stand = [one for one in alone if search.better(one, base).spread > SURE_GAIN]
-    least = SECOND_GAIN if len(stand) == len(pair.effects) else LONE_GAIN
+    least = SECOND_GAIN if all(_stands(search, pair, name) for name in pair.effects) else LONE_GAIN
     return all(_adds(search, pair, part, base, least) for part in (*alone, search.ranked(1)[0]))
+
+
+def _stands(search: Search, pair: Fit, name: str) -> bool:
+    """Whether a part of a pair explains by itself what it adds to the other part, more or less."""
+    one = search.alone(name, pair)
+    other = search.alone(next(each for each in pair.effects if each != name), pair)
+    added = search.better(pair, other).gain
+    return search.better(one, search.fits[()]).spread > max(SURE_GAIN, ALONE * added)
 
 
 def _adds(search: Search, pair: Fit, part: Fit, base: Fit, least: float) -> bool:
@@ -175,14 +185,14 @@ def beyond_resolution(problem: Problem, best: Fit, left: Structure) -> Structure
     weight = problem.counted
     rms = np.sqrt((weight * residual**2).sum(axis=0) / np.maximum(weight.sum(axis=0), 1.0))
     seen = rms > ABOVE_ROUNDING * LEAST_COUNTS * problem.data.resolution_mps
-    return Structure(np.where(seen, left.share, 0.0), left.error, left.foretold)
+    return replace(left, share=np.where(seen, left.share, 0.0))
 
 
 def remains(left: Structure, best: Fit, base: Fit) -> bool:
     """Whether structure is left that matters, beside the noise and beside what was explained."""
     after = (best.residual.wheels**2).mean(axis=0)
     explained = float(np.max((base.residual.wheels**2).mean(axis=0) - after))
-    sure = left.share > LEFT_ERRORS * left.error
+    sure = (left.share > LEFT_ERRORS * left.error) | (left.helped >= LEFT_RUNS)
     matters = (left.times_noise > LEFT_TIMES) & (left.share * after > LEFT_SHARE**2 * explained)
     return bool(np.any(sure & matters))
 
