@@ -30,6 +30,8 @@ RINGING_HZ, RINGING_DAMPING = np.geomspace(0.6, 3.5, 11), 0.06
 PLACES = 6
 # Bursts are looked for in stretches of this length, s; noise puts less than BURST_SHARE of its energy there.
 BURST_S = 0.4
+# So many stretches of a run tell its own noise.
+LEAST_STRETCHES = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,8 +283,9 @@ class Bursts:
 def find_bursts(data: SetData, white: FloatArray) -> Bursts:
     """Energy in stretches beyond what Gaussian innovations of the typical size leave there.
 
-    The typical size is that of the median stretch in which the wheel moves, so that bursts cannot hide
-    in it; a stretch is a burst beyond the level that noise passes once in ten thousand.
+    The typical size is that of the median stretch in which the wheel moves, of the set or of its run where
+    that is noisier, so that bursts cannot hide in it; a stretch is a burst beyond the level that noise passes
+    once in ten thousand. Where the innovations still follow each other, a stretch holds fewer that count.
     """
     per = max(2, round(BURST_S / interval_of(data)))
     within = np.concatenate(
@@ -291,6 +294,8 @@ def find_bursts(data: SetData, white: FloatArray) -> Bursts:
     segment = np.repeat(np.arange(len(data.starts) - 1), np.diff(data.starts))
     _, stretch = np.unique(segment * 1_000_000 + within, return_inverse=True)
     size = np.bincount(stretch).astype(float)
+    run = np.zeros(len(size), dtype=np.int64)
+    run[stretch] = data.run_of_row
     share, rows = np.zeros(2), np.zeros_like(white)
     for wheel in range(2):
         energy = np.bincount(stretch, white[:, wheel] ** 2)
@@ -298,12 +303,31 @@ def find_bursts(data: SetData, white: FloatArray) -> Bursts:
         active = mean > 0.05 * float(np.mean(mean))
         if active.sum() < 20:
             continue
-        typical = float(np.median(mean[active])) / _median_of_mean_square(per)
-        limit = typical * size * stats.chi2.ppf(0.9999, size) / size
+        typical = np.full(len(size), float(np.median(mean[active])))
+        for number in range(int(run.max()) + 1):
+            own = active & (run == number)
+            if own.sum() >= LEAST_STRETCHES:
+                typical[run == number] = max(typical[0], float(np.median(mean[own])))
+        free = size / _variance_of_squares(white[:, wheel], stretch, per)
+        typical /= _median_of_mean_square(per)
+        limit = typical * size * stats.chi2.ppf(0.9999, free) / free
         excess = np.where(energy > limit, energy - typical * size, 0.0)
         share[wheel] = float(excess.sum() / max(energy.sum(), 1e-12))
         rows[:, wheel] = (excess > 0.0)[stretch]
     return Bursts(share, rows)
+
+
+def _variance_of_squares(white: FloatArray, stretch: IntArray, per: int) -> float:
+    """By how much the correlation of a stretch's rows widens the spread of its energy, 1 or more."""
+    clipped = np.clip(white, -3.0, 3.0)
+    power = max(float(np.mean(clipped**2)), 1e-12)
+    widened = 1.0
+    for k in range(1, per):
+        same = stretch[k:] == stretch[:-k]
+        if same.any():
+            correlation = float(np.mean((clipped[k:] * clipped[:-k])[same])) / power
+            widened += 2.0 * (1.0 - k / per) * correlation**2
+    return widened
 
 
 def _median_of_mean_square(count: int) -> float:

@@ -25,11 +25,8 @@ from truing.model.kernel import FloatArray, IntArray
 # Where rows come faster, the later lags lie further apart.
 REACH_S = 0.3
 LEAST_ORDER, LARGEST_ORDER = 4, 8
-# The noise's memory is at most this many time constants of the wheel.
-MEMORY_TAUS = 1.2
-# Correlations are faded by a Gaussian of this many times the longest memory, and of less, step by step, until
-# the memory fits.
-WIDEST, FADES_BY, MOST_FADES = 2.0, 0.8, 16
+# Correlations of the noise fade at least as fast as in this many time constants of the wheel.
+MEMORY_TAUS = 2.0
 # Ridge on the normal equations, relative: keeps the lags of a wheel that hardly moves defined.
 RIDGE = 1e-6
 
@@ -79,7 +76,7 @@ def estimate_noise(
     counted: FloatArray,
     starts: IntArray,
     interval_s: float,
-    longest_s: FloatArray,
+    fade_s: FloatArray,
     floor: FloatArray,
 ) -> Noise:
     """Autoregressions from the correlations of what a model leaves over (Yule 1927, Walker 1931).
@@ -89,22 +86,24 @@ def estimate_noise(
     residual : shape (n, 2), m/s.
     counted : shape (n, 2), weights 0..1 of the rows (0: not measured, or judged by nobody).
     starts : shape (segments + 1,), first row of every segment, and n.
-    longest_s : shape (2,), s, the longest memory that the noise may have.
+    fade_s : shape (2,), s, correlations are taken to fade at least this fast.
     floor : shape (2,), m/s, the least RMS that the sensor's own resolution allows.
     """
     lags = lags_for(interval_s)
     reach = int(lags[-1])
     index = lag_index(starts, len(residual), np.arange(1, reach + 1))
     found = Noise(np.zeros((2, len(lags))), np.zeros(2), np.zeros(2), np.zeros(2))
+    apart = np.abs(np.subtract.outer(lags, lags))
     for wheel in range(2):
         weight = np.sqrt(counted[:, wheel])
         r = np.where(weight > 0.0, residual[:, wheel] * weight, 0.0)
         r_past, weight_past = np.append(r, 0.0)[index], np.append(weight, 0.0)[index]
         power = max(float(r @ r / max(weight @ weight, 1.0)), floor[wheel] ** 2)
         cross = (r_past @ r) / np.maximum(weight_past @ weight, 1.0)
-        covariance = np.concatenate(([power], cross))
-        longest = max(float(longest_s[wheel]), interval_s)
-        found.lags[wheel] = _bounded(covariance, lags, interval_s, longest)
+        fade = np.exp(-np.arange(1, reach + 1) * interval_s / max(float(fade_s[wheel]), interval_s))
+        covariance = np.concatenate(([power], cross * fade))
+        gram = covariance[apart] + np.eye(len(lags)) * RIDGE * power
+        found.lags[wheel] = np.linalg.solve(gram, covariance[lags])
         innovations = r - r_past[lags - 1].T @ found.lags[wheel]
         left = float(innovations @ innovations / max(weight @ weight, 1.0))
         found.rms[wheel] = np.sqrt(power)
@@ -132,27 +131,6 @@ def foretold_doubt(noise: Noise, doubt: FloatArray, lagged: IntArray) -> FloatAr
     """
     beyond = np.concatenate((doubt, np.zeros((1, 2))))  # a row that has no such predecessor has number n
     return np.asarray(np.einsum("knw,wk->nw", beyond[np.minimum(lagged, len(doubt))], np.abs(noise.lags)))
-
-
-def _bounded(covariance: FloatArray, lags: IntArray, interval_s: float, longest_s: float) -> FloatArray:
-    """Coefficients of an autoregression whose memory is at most `longest_s`.
-
-    The memory is the integral of the correlation, half the spectrum at frequency zero over the power. Where
-    the correlations ask for more they are faded, as a Gaussian so that noise which is smooth stays smooth.
-    """
-    power = float(covariance[0])
-    apart = np.abs(np.subtract.outer(lags, lags))
-    away_s = np.arange(len(covariance)) * interval_s
-    width_s = WIDEST * longest_s
-    for _ in range(MOST_FADES):
-        faded = covariance * np.exp(-0.5 * (away_s / width_s) ** 2)
-        gram = faded[apart] + np.eye(len(lags)) * RIDGE * power
-        coefficients = np.linalg.solve(gram, faded[lags])
-        left = power - float(coefficients @ faded[lags])
-        if 0.5 * interval_s * left <= longest_s * power * (1.0 - float(coefficients.sum())) ** 2:
-            break
-        width_s *= FADES_BY
-    return np.asarray(coefficients)
 
 
 @compiled

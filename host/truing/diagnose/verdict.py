@@ -16,7 +16,7 @@ from truing.diagnose.adequacy import Structure, find_bursts
 from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.compare import differences, moment_gains
 from truing.diagnose.fit import Fit, judge
-from truing.diagnose.problem import LEAST_COUNTS, Problem
+from truing.diagnose.problem import CLIP, LEAST_COUNTS, Problem
 from truing.diagnose.result import Verdict
 from truing.diagnose.search import Search
 
@@ -200,9 +200,10 @@ def remains(left: Structure, best: Fit, base: Fit) -> bool:
 def outweighs(search: Search, left: Structure, best: Fit, base: Fit) -> bool:
     """Whether what is left weighs much beside what was explained: then the name is not the right one."""
     problem = search.problem
-    energy = (best.residual.wheels**2).sum(axis=0)
+    white = np.clip(best.residual.wheels, -CLIP, CLIP)  # as what was explained is counted
+    energy = (white**2).sum(axis=0)
     sure = (left.share > LEFT_ERRORS * left.error) & (left.share > LEAST_FORETOLD)
-    known = np.where(problem.counted > LEAST_WEIGHT, best.residual.wheels, 0.0)
+    known = np.where(problem.counted > LEAST_WEIGHT, white, 0.0)
     bursts = find_bursts(problem.data, known)
     foretold = float(np.where(sure, left.share, 0.0) @ energy)
     rows = bursts.rows.mean(axis=0)

@@ -43,19 +43,8 @@ def test_a_slow_error_of_the_model_keeps_its_weight_beside_the_noise() -> None:
     residual = 0.05 * remembered(0.3) + slow
     bounded, unbounded = estimated(residual, 0.6), estimated(residual, 1e6)
     weight = [float(np.sum(whitened(noise, slow) ** 2)) for noise in (bounded, unbounded)]
-    assert weight[0] > 1.5 * weight[1]
-    power = (residual**2).mean(axis=0)
-    spectrum_at_zero = bounded.sigma**2 / (1.0 - bounded.lags.sum(axis=1)) ** 2
-    assert np.all(0.5 * INTERVAL_S * spectrum_at_zero / power < 0.65)
-
-
-def test_noise_that_is_smooth_stays_smooth_within_its_bound() -> None:
-    twice = remembered(0.8)
-    for row in range(1, ROWS):
-        twice[row] += 0.7 * twice[row - 1]
-    white = whitened(estimated(twice, 0.6), twice)
-    for wheel in range(2):
-        assert abs(np.corrcoef(white[1:, wheel], white[:-1, wheel])[0, 1]) < 0.15
+    assert weight[0] > 3.0 * weight[1]
+    assert np.all(bounded.memory_s < 0.7)
 
 
 def test_noise_never_falls_below_what_the_sensor_resolves() -> None:
