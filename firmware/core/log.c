@@ -86,9 +86,21 @@ static uint32_t cells_of(uint32_t used)
     return used > cell_size ? (used + cell_size - 1u) / cell_size : 1u;
 }
 
+/* One past the last block that may be read. */
+static uint32_t shown_end(const struct log *log)
+{
+    return log->hidden ? log->hidden_cell : log->end_cell;
+}
+
+/* Cells and times count modulo 2^32. */
+static bool is_before(uint32_t earlier, uint32_t later)
+{
+    return (int32_t)(later - earlier) > 0;
+}
+
 static bool before_end(const struct log *log, uint32_t cell)
 {
-    return (int32_t)(log->end_cell - cell) > 0;
+    return is_before(cell, shown_end(log));
 }
 
 static void start_block(struct log *log)
@@ -98,6 +110,15 @@ static void start_block(struct log *log)
                     sizeof log->block - PROTO_LOG_HEADER_SIZE);
 }
 
+/* An eighth of what is kept, so that little more is kept than that; a second at least, for its header. */
+static uint32_t armed_block(const struct log_opening *opening)
+{
+    enum { PARTS = 8, LEAST_MS = 1000, MS_PER_S = 1000 };
+    const uint32_t part_ms = opening->before_ms / (uint32_t)PARTS;
+    return (part_ms > (uint32_t)LEAST_MS ? part_ms : (uint32_t)LEAST_MS) * opening->format.rate_hz /
+           (uint32_t)MS_PER_S;
+}
+
 void log_open(struct log *log, const struct log_opening *opening)
 {
     log_close(log, PROTO_LOG_END_STOPPED);
@@ -105,7 +126,56 @@ void log_open(struct log *log, const struct log_opening *opening)
     log->opening = *opening;
     log->record_count = 0;
     log->end_ms = opening->start_ms;
+    log->hidden = opening->armed;
+    log->hidden_cell = log->end_cell;
+    log->fired = false;
+    log->most_records = opening->armed ? armed_block(opening) : UINT16_MAX;
     start_block(log);
+}
+
+void log_fire(struct log *log, uint32_t t_ms)
+{
+    log->fired = true;
+    log->fired_ms = log->opening.start_ms + t_ms;
+    log->most_records = UINT16_MAX;
+}
+
+/* Puts the header before the records that follow it, in the block's place. */
+static void write_header(struct log *log, struct proto_log_header *header)
+{
+    (void)proto_log_header_encode(header, log->block, PROTO_LOG_HEADER_SIZE);
+    header->crc32 =
+        crc32_update(crc32_update(0, log->block, header_before_crc), log->block + PROTO_LOG_HEADER_SIZE,
+                     header->used - (size_t)PROTO_LOG_HEADER_SIZE);
+    (void)proto_log_header_encode(header, log->block, PROTO_LOG_HEADER_SIZE);
+}
+
+/* Lets go of the armed log's blocks that ended before what is to be kept of it, and closes the gap: however
+ * long it is armed, older logs lose no more room than what it keeps. Uses the place of the block that was
+ * sealed. */
+static void trim(struct log *log)
+{
+    const uint32_t from_ms = (log->fired ? log->fired_ms : log->end_ms) - log->opening.before_ms;
+    uint32_t to = log->hidden_cell;
+    uint32_t from = to;
+    bool keep = false;
+    while (is_before(from, log->end_cell)) {
+        struct proto_log_header header = header_at(log, from);
+        if (header.used < PROTO_LOG_HEADER_SIZE || header.used > PROTO_LOG_BLOCK_LIMIT) {
+            break; /* memory gone bad: nobody knows where the next block begins */
+        }
+        const uint32_t cells = cells_of(header.used);
+        keep = keep || is_before(from_ms, header.end_ms);
+        if (keep && to != from) {
+            log_copy(log, from * cell_size, log->block, (size_t)cells * cell_size);
+            header.cell = to;
+            write_header(log, &header);
+            store(log, to * cell_size, log->block, (size_t)cells * cell_size);
+        }
+        to += keep ? cells : 0u;
+        from += cells;
+    }
+    log->end_cell = to;
 }
 
 /* Puts the block into the ring, in the place of the oldest ones. */
@@ -129,10 +199,7 @@ static void seal_block(struct log *log, uint8_t end)
         .turns_per_count = log->opening.format.geometry.turns_per_count,
         .rate_hz = log->opening.format.rate_hz,
     };
-    (void)proto_log_header_encode(&header, log->block, PROTO_LOG_HEADER_SIZE);
-    header.crc32 = crc32_update(crc32_update(0, log->block, header_before_crc),
-                                log->block + PROTO_LOG_HEADER_SIZE, size);
-    (void)proto_log_header_encode(&header, log->block, PROTO_LOG_HEADER_SIZE);
+    write_header(log, &header);
     const size_t whole = (size_t)cells * cell_size;
     memset(log->block + used, 0, whole - used);
     while (log->end_cell - log->oldest_cell + cells > log->cells) {
@@ -140,6 +207,12 @@ static void seal_block(struct log *log, uint8_t end)
     }
     store(log, log->end_cell * cell_size, log->block, whole);
     log->end_cell += cells;
+    if (log->hidden) {
+        if (is_before(log->hidden_cell, log->oldest_cell)) {
+            log->hidden_cell = log->oldest_cell; /* it filled the ring and lost its own beginning */
+        }
+        trim(log);
+    }
 }
 
 void log_append(struct log *log, const struct proto_log_record *record)
@@ -148,7 +221,7 @@ void log_append(struct log *log, const struct proto_log_record *record)
         return;
     }
     if (PROTO_LOG_HEADER_SIZE + log_coder_size(&log->coder) >= (size_t)LOG_FULL ||
-        log->record_count - log->first_record >= UINT16_MAX) {
+        log->record_count - log->first_record >= log->most_records) {
         seal_block(log, PROTO_LOG_END_OPEN);
         start_block(log);
     }
@@ -159,10 +232,15 @@ void log_append(struct log *log, const struct proto_log_record *record)
 
 void log_close(struct log *log, uint8_t end)
 {
-    if (log->open && log->record_count != 0) {
+    if (end == (uint8_t)LOG_END_DISCARDED) {
+        log->end_cell = shown_end(log);
+    } else if (log->open && log->record_count != 0) {
         seal_block(log, end);
+    } else {
+        /* There is nothing to keep. */
     }
     log->open = false;
+    log->hidden = false;
 }
 
 uint32_t log_oldest_offset(const struct log *log)
@@ -172,7 +250,7 @@ uint32_t log_oldest_offset(const struct log *log)
 
 uint32_t log_end_offset(const struct log *log)
 {
-    return log->end_cell * cell_size;
+    return shown_end(log) * cell_size;
 }
 
 struct log_walk log_walk_start(const struct log *log)
@@ -221,7 +299,7 @@ bool log_walk_next(const struct log *log, struct log_walk *walk, struct proto_lo
                 header = header_at(log, walk->cell);
             }
         } while (before_end(log, walk->cell) && header.log_id == out->log_id);
-    } else if (log->open && !walk->open_seen) {
+    } else if (log->open && !log->hidden && !walk->open_seen) {
         *out = open_entry(log);
     } else {
         return false;

@@ -18,9 +18,15 @@
 enum { LOG_FULL = 630 };
 _Static_assert(LOG_FULL + LOG_CODING_MOST <= PROTO_LOG_BLOCK_LIMIT, "a record more always fits");
 
-/* A log as it opens. */
+/* An end that leaves nothing of the log. */
+enum { LOG_END_DISCARDED = 0xFF };
+
+/* A log as it opens. An armed one is hidden until it closes, and only its last `before_ms` are kept, or what
+ * was its last when it fired: rounded up to whole blocks, which are shorter than in other logs. */
 struct log_opening {
     uint16_t log_id;
+    bool armed;
+    uint32_t before_ms;
     uint32_t start_ms;
     uint32_t sequence_crc;
     struct log_format format;
@@ -32,6 +38,11 @@ struct log {
     uint32_t oldest_cell; /* first cell that may be read */
     uint32_t end_cell;    /* one past the last sealed block */
     bool open;
+    bool hidden; /* the open log cannot be read yet: its blocks move, as the ring is otherwise full of them */
+    bool fired;  /* its trigger has come */
+    uint32_t hidden_cell;       /* its first */
+    uint32_t fired_ms;          /* when, device time */
+    uint32_t most_records;      /* of its block */
     struct log_opening opening; /* of the open log */
     uint32_t first_record;      /* of the block that is being written */
     uint32_t record_count;      /* of the open log */
@@ -46,7 +57,10 @@ void log_init(struct log *log);
 /* A log that is still open ends as stopped. */
 void log_open(struct log *log, const struct log_opening *opening);
 void log_append(struct log *log, const struct proto_log_record *record);
-void log_close(struct log *log, uint8_t end);
+void log_close(struct log *log, uint8_t end); /* enum proto_log_end or LOG_END_DISCARDED */
+
+/* The trigger of the open log has come, at the time of its record `t_ms`. */
+void log_fire(struct log *log, uint32_t t_ms);
 
 /* Offsets are absolute: cell * cell size + position. */
 uint32_t log_oldest_offset(const struct log *log);

@@ -44,6 +44,16 @@ void log_feed_record(struct log_feed *feed, const struct proto_log_record *recor
     }
 }
 
+void log_feed_fire(struct log_feed *feed, uint32_t t_ms)
+{
+    struct log_feed_item *const item = next_place(feed, 0);
+    if (item != NULL) {
+        item->kind = LOG_FEED_FIRE;
+        item->of.fired_t_ms = t_ms;
+        publish(feed);
+    }
+}
+
 void log_feed_close(struct log_feed *feed, uint8_t end)
 {
     struct log_feed_item *const item = next_place(feed, 0);
@@ -65,6 +75,9 @@ void log_feed_drain(struct log_feed *feed, struct log *log)
             break;
         case LOG_FEED_RECORD:
             log_append(log, &item->of.record);
+            break;
+        case LOG_FEED_FIRE:
+            log_fire(log, item->of.fired_t_ms);
             break;
         default:
             log_close(log, item->end);

@@ -13,14 +13,15 @@
  * millisecond. The last few places are kept for the begin and the end of a log. */
 enum { LOG_FEED_SIZE = 64, LOG_FEED_KEPT = 4 };
 
-enum log_feed_kind { LOG_FEED_OPEN, LOG_FEED_RECORD, LOG_FEED_CLOSE };
+enum log_feed_kind { LOG_FEED_OPEN, LOG_FEED_RECORD, LOG_FEED_FIRE, LOG_FEED_CLOSE };
 
 struct log_feed_item {
     uint8_t kind; /* enum log_feed_kind */
-    uint8_t end;  /* enum proto_log_end, of a close */
+    uint8_t end;  /* enum proto_log_end or LOG_END_DISCARDED, of a close */
     union {
         struct proto_log_record record;
         struct log_opening opening;
+        uint32_t fired_t_ms;
     } of;
 };
 
@@ -35,6 +36,7 @@ void log_feed_init(struct log_feed *feed);
 /* From the tick. A record that finds no room is lost. */
 void log_feed_open(struct log_feed *feed, const struct log_opening *opening);
 void log_feed_record(struct log_feed *feed, const struct proto_log_record *record);
+void log_feed_fire(struct log_feed *feed, uint32_t t_ms);
 void log_feed_close(struct log_feed *feed, uint8_t end);
 
 /* From the main loop: puts what waits into the log. */

@@ -14,11 +14,34 @@ uint16_t recorder_request(struct recorder *recorder, uint16_t rate_hz, uint32_t 
     recorder->opening_ending = PROTO_LOG_END_OPEN;
     recorder->rate_hz = rate_hz;
     recorder->sequence_crc = sequence_crc;
+    recorder->armed = false;
     return recorder->next_log_id;
+}
+
+uint16_t recorder_arm(struct recorder *recorder, uint16_t rate_hz, uint32_t before_ms)
+{
+    const uint16_t log_id = recorder_request(recorder, rate_hz, 0);
+    recorder->armed = true;
+    recorder->before_ms = before_ms;
+    return log_id;
+}
+
+bool recorder_is_busy(const struct recorder *recorder)
+{
+    return recorder->opening || (recorder->active && recorder->ending == (uint8_t)PROTO_LOG_END_OPEN);
+}
+
+void recorder_finish_armed(struct recorder *recorder, uint8_t end)
+{
+    recorder->armed = false;
+    recorder_finish(recorder, end);
 }
 
 void recorder_finish(struct recorder *recorder, uint8_t end)
 {
+    if (recorder->armed) {
+        return;
+    }
     if (recorder->opening) {
         if (recorder->opening_ending == PROTO_LOG_END_OPEN) {
             recorder->opening_ending = end;
@@ -105,6 +128,8 @@ void recorder_open(struct recorder *recorder, struct log_feed *feed, struct reco
 {
     const struct log_opening opening = {
         .log_id = recorder->next_log_id,
+        .armed = recorder->armed,
+        .before_ms = recorder->before_ms,
         .start_ms = view->now_ms,
         .sequence_crc = recorder->sequence_crc,
         .format = {.geometry = view->geometry, .rate_hz = recorder->rate_hz},

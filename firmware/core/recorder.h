@@ -17,12 +17,14 @@
 struct recorder {
     bool opening;   /* a log shall open at the next tick */
     bool active;    /* a log is open */
-    uint8_t ending; /* enum proto_log_end with which the open log shall close at the next tick; OPEN: it goes
-                       on */
+    bool armed;     /* that log, or the one that shall open, waits for a trigger: no drive ends it */
+    uint8_t ending; /* enum proto_log_end, or LOG_END_DISCARDED, with which the open log shall close at the
+                       next tick; OPEN: it goes on */
     uint8_t opening_ending; /* the same for the log that shall open: a stop may come before its first tick */
     uint16_t next_log_id;
     uint16_t rate_hz; /* of the log that opens */
     uint32_t sequence_crc;
+    uint32_t before_ms;                /* of an armed log, what is kept from before its trigger */
     uint32_t elapsed_ms;               /* since the log opened */
     uint32_t row_ms;                   /* where the last record stands */
     uint32_t next_row_ms;              /* where the next one is due */
@@ -48,8 +50,17 @@ void recorder_init(struct recorder *recorder);
 /* Asks for a log from the next tick on; returns its id. */
 uint16_t recorder_request(struct recorder *recorder, uint16_t rate_hz, uint32_t sequence_crc);
 
-/* Asks for the end of the newest log; a first reason is kept. One that was asked for and ends before its
- * first tick still opens, so that the id given out exists. */
+/* The same for a log that waits for a trigger. */
+uint16_t recorder_arm(struct recorder *recorder, uint16_t rate_hz, uint32_t before_ms);
+
+/* Whether a log is open or shall open that has not been asked to end. */
+bool recorder_is_busy(const struct recorder *recorder);
+
+/* Ends the log that waits for a trigger. */
+void recorder_finish_armed(struct recorder *recorder, uint8_t end);
+
+/* Asks for the end of the newest log, unless that waits for a trigger; a first reason is kept. One that was
+ * asked for and ends before its first tick still opens, so that the id given out exists. */
 void recorder_finish(struct recorder *recorder, uint8_t end);
 
 /* One millisecond has passed under these efforts. */

@@ -300,6 +300,28 @@ static struct refusal answer_log_erase(struct controller *controller, const stru
     return free ? accepted() : refused(PROTO_REFUSAL_REASON_LOG_BUSY, 0);
 }
 
+static struct refusal answer_log_arm(struct controller *controller, const struct frame *request,
+                                     struct reply *reply)
+{
+    struct proto_log_arm_request in;
+    struct proto_log_arm_reply out = {0};
+    if (!proto_log_arm_request_decode(&in, request->payload, request->payload_length)) {
+        return bad_length(request);
+    }
+    const struct refusal verdict = robot_arm_log(&controller->robot, &in, &out.log_id);
+    reply->length = proto_log_arm_reply_encode(&out, reply->bytes, reply->capacity);
+    return verdict;
+}
+
+static struct refusal answer_log_trigger(struct controller *controller, const struct frame *request,
+                                         struct reply *reply)
+{
+    struct proto_log_trigger_reply out;
+    robot_log_trigger(&controller->robot, &out);
+    reply->length = proto_log_trigger_reply_encode(&out, reply->bytes, reply->capacity);
+    return expect_empty(request);
+}
+
 static struct refusal answer_set_effort(struct controller *controller, const struct frame *request,
                                         struct reply *reply)
 {
@@ -416,6 +438,8 @@ static const struct entry entries[] = {
     {PROTO_ID_LOG_READ, true, answer_log_read},
     {PROTO_ID_LOG_DIGEST, false, answer_log_digest},
     {PROTO_ID_LOG_ERASE, false, answer_log_erase},
+    {PROTO_ID_LOG_ARM, false, answer_log_arm},
+    {PROTO_ID_LOG_TRIGGER, false, answer_log_trigger},
     {PROTO_ID_SET_EFFORT, false, answer_set_effort},
     {PROTO_ID_SET_VELOCITY, false, answer_set_velocity},
     {PROTO_ID_STOP, false, answer_stop},

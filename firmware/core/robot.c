@@ -37,6 +37,7 @@ void robot_init(struct robot *robot, uint32_t boot_faults)
     log_feed_init(&robot->feed);
     log_init(&robot->log);
     telemetry_init(&robot->telemetry);
+    log_trigger_init(&robot->trigger);
 }
 
 /* Counts from `then` to `now`, forward positive. */
@@ -149,9 +150,8 @@ static void step_sequence(struct robot *robot)
 }
 
 /* Of the moment, where a record has means. */
-static void stream_sample(struct robot *robot)
+static void signal_values(const struct robot *robot, int32_t values[TELEMETRY_SIGNALS])
 {
-    int32_t values[TELEMETRY_SIGNALS];
     struct recorder_view view = {0};
     view_command(robot, &view);
     view_sensors(robot, &view);
@@ -168,7 +168,39 @@ static void stream_sample(struct robot *robot)
     values[PROTO_SIGNAL_Y] = view.record.y_mm;
     values[PROTO_SIGNAL_THETA] = view.record.theta_e4;
     values[PROTO_SIGNAL_BATTERY] = view.record.battery_10mv;
+}
+
+static void stream_sample(struct robot *robot)
+{
+    int32_t values[TELEMETRY_SIGNALS];
+    signal_values(robot, values);
     telemetry_take(&robot->telemetry, robot->now_ms, values);
+}
+
+/* `stopped`: a fault has latched at this tick. */
+static void step_trigger(struct robot *robot, bool stopped)
+{
+    struct log_trigger_moment moment = {
+        .now_ms = robot->now_ms,
+        .t_ms = robot->recorder.elapsed_ms,
+        .latched_faults = stopped ? robot->supervisor.latched : 0u,
+    };
+    if (log_trigger_watches(&robot->trigger)) {
+        int32_t values[TELEMETRY_SIGNALS];
+        signal_values(robot, values);
+        moment.value = values[robot->trigger.told.signal];
+    }
+    switch (log_trigger_step(&robot->trigger, &moment)) {
+    case LOG_TRIGGER_FIRES:
+        log_feed_fire(&robot->feed, moment.t_ms);
+        break;
+    case LOG_TRIGGER_ENDS:
+        recorder_finish_armed(&robot->recorder, PROTO_LOG_END_TRIGGERED);
+        break;
+    case LOG_TRIGGER_WAITS:
+    default:
+        break;
+    }
 }
 
 void robot_tick(struct robot *robot)
@@ -180,7 +212,8 @@ void robot_tick(struct robot *robot)
     const bool start = robot->recorder.opening; /* this tick is time zero of a drive */
     view_command(robot, &view);                 /* before the sequence goes on to its next segment */
 
-    if (supervisor_step(&robot->supervisor, &robot->tuning, &robot->view)) {
+    const bool stopped = supervisor_step(&robot->supervisor, &robot->tuning, &robot->view);
+    if (stopped) {
         drive_brake(&robot->drive);
         sequence_abort(&robot->sequence);
         recorder_finish(&robot->recorder, PROTO_LOG_END_FAULT);
@@ -188,6 +221,9 @@ void robot_tick(struct robot *robot)
         step_sequence(robot);
     }
 
+    if (!start) { /* before a log is open there is nothing to keep */
+        step_trigger(robot, stopped);
+    }
     if (recorder_due(&robot->recorder)) {
         view_sensors(robot, &view);
         recorder_write(&robot->recorder, &robot->feed, &view);
@@ -245,7 +281,9 @@ struct refusal robot_drive(struct robot *robot, uint8_t kind, float left, float 
         verdict = may_begin(robot, false);
         if (verdict.reason == REFUSAL_NONE) {
             robot->supervisor.state = PROTO_STATE_LIVE;
-            (void)recorder_request(&robot->recorder, robot->tuning.log_rate_hz, 0);
+            if (!log_trigger_is_on(&robot->trigger)) { /* the armed log tells of this drive too */
+                (void)recorder_request(&robot->recorder, robot->tuning.log_rate_hz, 0);
+            }
         }
     }
     if (verdict.reason == REFUSAL_NONE) {
@@ -261,6 +299,10 @@ struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, uint16_t 
     struct refusal verdict = may_begin(robot, true);
     if (verdict.reason != REFUSAL_NONE) {
         return verdict;
+    }
+    if (log_trigger_is_on(
+            &robot->trigger)) { /* a sequence has a log of its own, and there is one at a time */
+        return refused(PROTO_REFUSAL_REASON_LOG_BUSY, 0);
     }
     /* The tick leaves a sequence alone that does not run, so its check needs no lock. */
     verdict = sequence_check(&robot->sequence, &robot->tuning, crc);
@@ -280,6 +322,41 @@ struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, uint16_t 
     command_segment(robot);
     hal_critical_exit(state);
     return accepted();
+}
+
+static void disarm_log(struct robot *robot)
+{
+    const uint32_t state = hal_critical_enter();
+    const bool fired = robot->trigger.told.state == (uint8_t)PROTO_LOG_TRIGGER_STATE_FIRED;
+    if (log_trigger_is_on(&robot->trigger)) {
+        recorder_finish_armed(&robot->recorder,
+                              fired ? (uint8_t)PROTO_LOG_END_TRIGGERED : (uint8_t)LOG_END_DISCARDED);
+    }
+    log_trigger_disarm(&robot->trigger);
+    hal_critical_exit(state);
+}
+
+struct refusal robot_arm_log(struct robot *robot, const struct proto_log_arm_request *wanted,
+                             uint16_t *log_id)
+{
+    *log_id = 0;
+    if (wanted->kind == (uint8_t)PROTO_LOG_TRIGGER_KIND_SEQUENCE) {
+        disarm_log(robot);
+        return accepted();
+    }
+    const uint16_t rate_hz = robot->tuning.log_rate_hz;
+    struct refusal verdict =
+        log_trigger_check(wanted, rate_hz, robot->log.cells * (uint32_t)PROTO_LOG_CELL_SIZE);
+    const uint32_t state = hal_critical_enter();
+    if (verdict.reason == (uint8_t)REFUSAL_NONE && recorder_is_busy(&robot->recorder)) {
+        verdict = refused(PROTO_REFUSAL_REASON_LOG_BUSY, 0);
+    }
+    if (verdict.reason == (uint8_t)REFUSAL_NONE) {
+        *log_id = recorder_arm(&robot->recorder, rate_hz, wanted->before_ms);
+        log_trigger_arm(&robot->trigger, wanted, *log_id);
+    }
+    hal_critical_exit(state);
+    return verdict;
 }
 
 void robot_write_log(struct robot *robot)
@@ -345,6 +422,13 @@ void robot_time(const struct robot *robot, struct proto_time_reply *out)
     out->uptime_ms = robot->now_ms;
     hal_critical_exit(state);
     out->after_us = since_us < (uint32_t)LAST_US ? (uint16_t)since_us : (uint16_t)LAST_US;
+}
+
+void robot_log_trigger(const struct robot *robot, struct proto_log_trigger_reply *out)
+{
+    const uint32_t state = hal_critical_enter();
+    *out = robot->trigger.told;
+    hal_critical_exit(state);
 }
 
 void robot_sequence_state(const struct robot *robot, struct proto_seq_state_reply *out)

@@ -13,6 +13,7 @@
 #include "hal.h"
 #include "log.h"
 #include "log_feed.h"
+#include "log_trigger.h"
 #include "odometry.h"
 #include "parameter_store.h"
 #include "parameters.h"
@@ -44,6 +45,7 @@ struct robot {
     bool speeds_stale;    /* ticks were missed: the counts since the last one say nothing of a speed */
     struct log_feed feed; /* from the tick to the log */
     struct log log;
+    struct log_trigger trigger;
     struct telemetry telemetry;
 };
 
@@ -64,6 +66,11 @@ void robot_stop(struct robot *robot);
 struct refusal robot_drive(struct robot *robot, uint8_t kind, float left, float right);
 
 struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, uint16_t *log_id);
+
+/* Arms a log, or disarms it: kind sequence. */
+struct refusal robot_arm_log(struct robot *robot, const struct proto_log_arm_request *wanted,
+                             uint16_t *log_id);
+
 struct refusal robot_clear_faults(struct robot *robot);
 
 /* Moves device time on by control ticks that did not come while the core stood still. */
@@ -72,6 +79,7 @@ void robot_make_up(struct robot *robot, uint32_t missed_ticks);
 /* A state of the robot that belongs to one moment. */
 void robot_status(const struct robot *robot, struct proto_status_reply *out);
 void robot_time(const struct robot *robot, struct proto_time_reply *out);
+void robot_log_trigger(const struct robot *robot, struct proto_log_trigger_reply *out);
 void robot_sequence_state(const struct robot *robot, struct proto_seq_state_reply *out);
 
 #endif

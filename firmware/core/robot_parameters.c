@@ -34,11 +34,13 @@ void robot_start_parameters(struct robot *robot)
     take_effect(robot);
 }
 
+/* A log is of one set of parameters; an armed one is open while nothing moves. */
 static struct refusal may_change(const struct robot *robot)
 {
-    return supervisor_is_moving(&robot->supervisor)
-               ? refused(PROTO_REFUSAL_REASON_WRONG_STATE, robot->supervisor.state)
-               : accepted();
+    if (supervisor_is_moving(&robot->supervisor)) {
+        return refused(PROTO_REFUSAL_REASON_WRONG_STATE, robot->supervisor.state);
+    }
+    return log_trigger_is_on(&robot->trigger) ? refused(PROTO_REFUSAL_REASON_LOG_BUSY, 0) : accepted();
 }
 
 struct refusal robot_set_parameter(struct robot *robot, uint16_t index, float value)

@@ -34,6 +34,7 @@ from truing.link.client import Client
 from truing.link.connect import VirtualOptions, open_stream
 from truing.link.handshake import BoardInfo, shake_hands
 from truing.log_download import DownloadReport, Keeper, LogDownload, MemoryKeeper
+from truing.log_trigger import LogTrigger, arm_request, most_s
 from truing.partial_file import LogIdentity, PartialFile
 from truing.plan import Kind, Plan
 from truing.signal_stream import SignalStream
@@ -41,9 +42,12 @@ from truing_protocol import (
     PARAMETERS,
     ClearFaultsRequest,
     FaultRecordRequest,
+    LogArmRequest,
     LogEraseRequest,
     LogListReply,
     LogListRequest,
+    LogTriggerKind,
+    LogTriggerRequest,
     ParamDefaultsRequest,
     ParameterInfo,
     ParameterKind,
@@ -415,6 +419,55 @@ class Device:
     def erase_logs(self) -> None:
         """Forget all logs."""
         self.client.request(LogEraseRequest())
+
+    def arm_log(
+        self,
+        on: str,
+        *,
+        before_s: float = 5.0,
+        after_s: float = 2.0,
+        signal: str | None = None,
+        above: float | None = None,
+        below: float | None = None,
+    ) -> int:
+        """Record from now on and keep what is around a trigger; returns the id of that log.
+
+        It has the board's log_rate_hz. Live drives leave no log of their own meanwhile, and sequences are
+        refused. The host may go.
+
+        Parameters
+        ----------
+        on : "fault", the next one that latches, or "threshold".
+        before_s, after_s : what is kept from before the trigger, at least, and recorded after it.
+        signal : of a threshold, one of `truing.log_trigger.SIGNALS`.
+        above, below : its level, one of the two: fires when the signal comes over it from the other side.
+
+        Raises
+        ------
+        Refused : a log is being written, or the board cannot keep that much.
+        """
+        request = arm_request(on, before_s, after_s, signal, above, below)
+        try:
+            return self.client.request(request).log_id
+        except Refused as refusal:
+            if refusal.reason != "out_of_range":
+                raise
+            rate_hz = self.get_parameter("log_rate_hz").value
+            raise Refused(
+                refusal.request,
+                refusal.reason,
+                f"the board keeps at most {most_s(self.info.log_bytes, rate_hz):g} s before and after a "
+                f"trigger together at {rate_hz:g} Hz, not {before_s + after_s:g} s",
+                "shorten the times, or lower log_rate_hz with `truing params set`",
+            ) from None
+
+    def log_trigger_state(self) -> LogTrigger:
+        """What is armed, and what came of it."""
+        return LogTrigger.from_reply(self.client.request(LogTriggerRequest()))
+
+    def disarm_log(self) -> None:
+        """End an armed log: without a trigger it is discarded, after one it is sealed with what it has."""
+        self.client.request(LogArmRequest(LogTriggerKind.SEQUENCE, 0, 0, 0, 0, 0))
 
 
 def parameter_info(name: str) -> ParameterInfo:

@@ -21,6 +21,7 @@ from truing.plan import Plan
 from truing.recording import Run, RunMetadata
 from truing.recording_writer import next_run_path, replace_file, write_run
 from truing.workspace import partial_folder
+from truing_protocol import LogEnd
 
 _LOG = logging.getLogger("truing.runs")
 
@@ -59,7 +60,7 @@ def fetch_log(
     decoded = decode_log(data, log.offset, log.log_id)
     for lost in decoded.lost:
         _LOG.warning("log %d: the block at byte %d is lost: %s", log.log_id, lost.offset, lost.reason)
-    if log.truncated:
+    if log.truncated and log.end is not LogEnd.TRIGGERED:
         _LOG.warning("log %d: the board's ring has overwritten its beginning", log.log_id)
     if not len(decoded.records):
         raise LogError(
@@ -125,6 +126,8 @@ def metadata_of(
         },
         "host": {"truing": __version__, "port": info.port},
     }
+    if log.end is LogEnd.TRIGGERED:
+        extra["trigger"] = trigger_of(device, fetched)
     if not device.client.stream.virtual:
         extra["recorded_at"] = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     return RunMetadata(
@@ -141,17 +144,31 @@ def metadata_of(
         parameters={name: float(parameter.text) for name, parameter in parameters.items()},
         plan=plan.to_dict() if plan is not None else {},
         seed=seed,
-        pause_before_s=_pause_before(device, log),
+        pause_before_s=_pause_before(device, fetched),
         extra=extra,
     )
 
 
-def _pause_before(device: Device, log: BoardLog) -> float | None:
-    """Device time between the end of the log before and this one's start; None where there was none."""
+def trigger_of(device: Device, fetched: FetchedLog) -> dict[str, Any] | None:
+    """What made the board keep this log, and when in the run; None where it knows of a later trigger only."""
+    trigger = device.log_trigger_state()
+    if trigger.log_id != fetched.log.log_id or trigger.fired_t_s is None:
+        return None
+    return trigger.to_dict() | {"run_t_s": round(trigger.fired_t_s - _first_s(fetched), 3)}
+
+
+def _first_s(fetched: FetchedLog) -> float:
+    """When the first record that is there stands, from the log's opening on."""
+    return float(fetched.decoded.records["t_ms"][0]) / 1000
+
+
+def _pause_before(device: Device, fetched: FetchedLog) -> float | None:
+    """Device time between the end of the log before and this run's start; None where there was none."""
+    log = fetched.log
     if log.log_id <= 1:
         return None
     try:
-        return round(log.start_s - device.log(log.log_id - 1).end_s, 3)
+        return round(log.start_s + _first_s(fetched) - device.log(log.log_id - 1).end_s, 3)
     except LogError:
         return None
 

@@ -28,7 +28,7 @@ from truing_protocol import (
 
 MOST_HZ = 200
 # What one step of the integer on the wire is, in the unit.
-_STEPS: dict[Signal, tuple[float, str]] = {
+STEPS: dict[Signal, tuple[float, str]] = {
     Signal.MODE: (1.0, ""),
     Signal.FAULTS: (1.0, ""),
     Signal.CMD_LEFT: (1.0, "effort or m/s"),
@@ -46,7 +46,7 @@ _STEPS: dict[Signal, tuple[float, str]] = {
 }
 _COMMANDS = (Signal.CMD_LEFT, Signal.CMD_RIGHT)
 # By name, with the unit that values arrive in.
-SIGNALS: dict[str, str] = {signal.name.lower(): unit for signal, (_, unit) in _STEPS.items()}
+SIGNALS: dict[str, str] = {signal.name.lower(): unit for signal, (_, unit) in STEPS.items()}
 # The board is asked this often, or once a sample where those are rarer.
 _ASK_S = 0.02
 # An answer waits behind what a download has asked for: 4 kB, 45 ms.
@@ -191,7 +191,7 @@ class SignalStream:
         values = {}
         for name in self.names:
             signal = Signal[name.upper()]
-            step = _STEPS[signal][0]
+            step = STEPS[signal][0]
             if signal in _COMMANDS:
                 step = {Mode.EFFORT: 1e-4, Mode.VELOCITY: 1e-3}.get(Mode(int(row["mode"])), 1.0)
             values[name] = float(row[name]) * step

@@ -823,6 +823,86 @@ bool proto_log_digest_reply_decode(struct proto_log_digest_reply *to, const uint
     return true;
 }
 
+size_t proto_log_arm_request_encode(const struct proto_log_arm_request *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_LOG_ARM_REQUEST_SIZE) {
+        return 0;
+    }
+    put_u8(out + 0, from->kind);
+    put_u8(out + 1, from->signal);
+    put_u8(out + 2, from->edge);
+    put_i32(out + 3, from->level);
+    put_u32(out + 7, from->before_ms);
+    put_u32(out + 11, from->after_ms);
+    return PROTO_LOG_ARM_REQUEST_SIZE;
+}
+
+bool proto_log_arm_request_decode(struct proto_log_arm_request *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_LOG_ARM_REQUEST_SIZE) {
+        return false;
+    }
+    to->kind = get_u8(in + 0);
+    to->signal = get_u8(in + 1);
+    to->edge = get_u8(in + 2);
+    to->level = get_i32(in + 3);
+    to->before_ms = get_u32(in + 7);
+    to->after_ms = get_u32(in + 11);
+    return true;
+}
+
+size_t proto_log_arm_reply_encode(const struct proto_log_arm_reply *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_LOG_ARM_REPLY_SIZE) {
+        return 0;
+    }
+    put_u16(out + 0, from->log_id);
+    return PROTO_LOG_ARM_REPLY_SIZE;
+}
+
+bool proto_log_arm_reply_decode(struct proto_log_arm_reply *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_LOG_ARM_REPLY_SIZE) {
+        return false;
+    }
+    to->log_id = get_u16(in + 0);
+    return true;
+}
+
+size_t proto_log_trigger_reply_encode(const struct proto_log_trigger_reply *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_LOG_TRIGGER_REPLY_SIZE) {
+        return 0;
+    }
+    put_u8(out + 0, from->state);
+    put_u8(out + 1, from->kind);
+    put_u8(out + 2, from->signal);
+    put_u8(out + 3, from->edge);
+    put_i32(out + 4, from->level);
+    put_u32(out + 8, from->before_ms);
+    put_u32(out + 12, from->after_ms);
+    put_u16(out + 16, from->log_id);
+    put_u32(out + 18, from->fired_ms);
+    put_u32(out + 22, from->fired_t_ms);
+    put_i32(out + 26, from->value);
+    put_u32(out + 30, from->faults);
+    return PROTO_LOG_TRIGGER_REPLY_SIZE;
+}
+
+bool proto_log_trigger_reply_decode(struct proto_log_trigger_reply *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_LOG_TRIGGER_REPLY_SIZE) {
+        return false;
+    }
+    to->state = get_u8(in + 0);
+    to->kind = get_u8(in + 1);
+    to->signal = get_u8(in + 2);
+    to->edge = get_u8(in + 3);
+    to->level = get_i32(in + 4);
+    to->before_ms = get_u32(in + 8);
+    to->after_ms = get_u32(in + 12);
+    to->log_id = get_u16(in + 16);
+    to->fired_ms = get_u32(in + 18);
+    to->fired_t_ms = get_u32(in + 22);
+    to->value = get_i32(in + 26);
+    to->faults = get_u32(in + 30);
+    return true;
+}
+
 size_t proto_set_effort_request_encode(const struct proto_set_effort_request *from, uint8_t *out, size_t capacity) {
     if (capacity < PROTO_SET_EFFORT_REQUEST_SIZE) {
         return 0;
@@ -1148,8 +1228,23 @@ const char *proto_sequence_state_name(unsigned value) {
 }
 
 const char *proto_log_end_name(unsigned value) {
-    static const char *const names[] = {"open", "finished", "stopped", "fault"};
+    static const char *const names[] = {"open", "finished", "stopped", "fault", "triggered"};
     return value >= PROTO_LOG_END_COUNT ? "?" : names[value];
+}
+
+const char *proto_log_trigger_kind_name(unsigned value) {
+    static const char *const names[] = {"sequence", "threshold", "fault"};
+    return value >= PROTO_LOG_TRIGGER_KIND_COUNT ? "?" : names[value];
+}
+
+const char *proto_log_trigger_state_name(unsigned value) {
+    static const char *const names[] = {"idle", "armed", "fired", "done"};
+    return value >= PROTO_LOG_TRIGGER_STATE_COUNT ? "?" : names[value];
+}
+
+const char *proto_log_edge_name(unsigned value) {
+    static const char *const names[] = {"above", "below"};
+    return value >= PROTO_LOG_EDGE_COUNT ? "?" : names[value];
 }
 
 const char *proto_reset_cause_name(unsigned value) {
@@ -1205,6 +1300,7 @@ bool proto_id_changes(uint8_t id) {
     case PROTO_ID_SEQ_START:
     case PROTO_ID_SEQ_ABORT:
     case PROTO_ID_LOG_ERASE:
+    case PROTO_ID_LOG_ARM:
     case PROTO_ID_SET_EFFORT:
     case PROTO_ID_SET_VELOCITY:
     case PROTO_ID_STOP:

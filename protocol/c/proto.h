@@ -20,7 +20,7 @@
 #define PROTO_CAN_ANNOUNCE_BASE 0x680u /* its CAN id is this plus the node */
 #define PROTO_CAN_STATUS_BASE 0x6c0u /* its CAN id is this plus the node */
 #define PROTO_CAN_MOTION_BASE 0x700u /* its CAN id is this plus the node */
-#define PROTO_SCHEMA_HASH 0x09a72ec0u
+#define PROTO_SCHEMA_HASH 0x9049ad34u
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
@@ -46,6 +46,8 @@ enum proto_id {
     PROTO_ID_LOG_READ = 0x31, /* bytes of sealed blocks, by absolute offset */
     PROTO_ID_LOG_DIGEST = 0x32, /* CRC-32 over sealed bytes */
     PROTO_ID_LOG_ERASE = 0x33, /* forget all logs; offsets go on counting */
+    PROTO_ID_LOG_ARM = 0x34, /* record from now on, and keep what is around a trigger. Kind sequence disarms: without a trigger the log is discarded, after one it ends at once */
+    PROTO_ID_LOG_TRIGGER = 0x35, /* what is armed and what has come of it; all zero when idle */
     PROTO_ID_SET_EFFORT = 0x40, /* drive the wheels with a share of the supply, until the host falls silent; a log opens with the first such command, and odometry goes to zero */
     PROTO_ID_SET_VELOCITY = 0x41, /* hold wheel speeds, until the host falls silent; log and odometry as with set_effort */
     PROTO_ID_STOP = 0x42, /* brake both wheels now, in any state; ends a sequence; carried out each time it arrives */
@@ -103,9 +105,37 @@ enum proto_log_end {
     PROTO_LOG_END_FINISHED = 1,
     PROTO_LOG_END_STOPPED = 2,
     PROTO_LOG_END_FAULT = 3,
+    PROTO_LOG_END_TRIGGERED = 4,
 };
-enum { PROTO_LOG_END_COUNT = 4 };
+enum { PROTO_LOG_END_COUNT = 5 };
 const char *proto_log_end_name(unsigned value); /* "?" for a value that is none of them */
+
+/* what makes a log worth keeping */
+enum proto_log_trigger_kind {
+    PROTO_LOG_TRIGGER_KIND_SEQUENCE = 0, /* the start of a sequence or of a live drive, whose log begins and ends with it */
+    PROTO_LOG_TRIGGER_KIND_THRESHOLD = 1, /* a signal crosses a level */
+    PROTO_LOG_TRIGGER_KIND_FAULT = 2, /* a fault latches */
+};
+enum { PROTO_LOG_TRIGGER_KIND_COUNT = 3 };
+const char *proto_log_trigger_kind_name(unsigned value); /* "?" for a value that is none of them */
+
+/* how far an armed log has come */
+enum proto_log_trigger_state {
+    PROTO_LOG_TRIGGER_STATE_IDLE = 0, /* not armed: logs begin with sequences and live drives */
+    PROTO_LOG_TRIGGER_STATE_ARMED = 1, /* records, and keeps the last before_ms */
+    PROTO_LOG_TRIGGER_STATE_FIRED = 2, /* the trigger has come; records for after_ms more */
+    PROTO_LOG_TRIGGER_STATE_DONE = 3, /* the log is sealed and can be read */
+};
+enum { PROTO_LOG_TRIGGER_STATE_COUNT = 4 };
+const char *proto_log_trigger_state_name(unsigned value); /* "?" for a value that is none of them */
+
+/* the way in which a signal crosses a level */
+enum proto_log_edge {
+    PROTO_LOG_EDGE_ABOVE = 0, /* it was at the level or below, and is above */
+    PROTO_LOG_EDGE_BELOW = 1, /* it was at the level or above, and is below */
+};
+enum { PROTO_LOG_EDGE_COUNT = 2 };
+const char *proto_log_edge_name(unsigned value); /* "?" for a value that is none of them */
 
 /* why the board last started (RM0090 section 7.3.21, RCC_CSR) */
 enum proto_reset_cause {
@@ -220,7 +250,7 @@ bool proto_segment_decode(struct proto_segment *to, const uint8_t *in, size_t le
 struct proto_log_entry {
     uint16_t log_id; /* counts up from 1 since boot */
     uint8_t end; /* log_end */
-    uint8_t truncated; /* 1: the ring has overwritten its first blocks */
+    uint8_t truncated; /* 1: its first blocks are not there: the ring has overwritten them, or they were longer before the trigger than wanted */
     uint16_t rate_hz;
     uint32_t first_cell; /* first cell that is still there */
     uint32_t cell_count; /* cells of sealed blocks that are still there */
@@ -569,6 +599,46 @@ struct proto_log_digest_reply {
 };
 size_t proto_log_digest_reply_encode(const struct proto_log_digest_reply *from, uint8_t *out, size_t capacity);
 bool proto_log_digest_reply_decode(struct proto_log_digest_reply *to, const uint8_t *in, size_t length);
+
+#define PROTO_LOG_ARM_REQUEST_SIZE 15u
+/* record from now on, and keep what is around a trigger. Kind sequence disarms: without a trigger the log is discarded, after one it ends at once */
+struct proto_log_arm_request {
+    uint8_t kind; /* log_trigger_kind */
+    uint8_t signal; /* signal, of a threshold; not faults nor the commands */
+    uint8_t edge; /* log_edge, of a threshold */
+    int32_t level; /* of a threshold, in the signal's unit on the wire */
+    uint32_t before_ms; /* what is kept from before the trigger, at least */
+    uint32_t after_ms; /* what is recorded after it */
+};
+size_t proto_log_arm_request_encode(const struct proto_log_arm_request *from, uint8_t *out, size_t capacity);
+bool proto_log_arm_request_decode(struct proto_log_arm_request *to, const uint8_t *in, size_t length);
+
+#define PROTO_LOG_ARM_REPLY_SIZE 2u
+/* reply: record from now on, and keep what is around a trigger. Kind sequence disarms: without a trigger the log is discarded, after one it ends at once */
+struct proto_log_arm_reply {
+    uint16_t log_id; /* of the log that has been armed; 0 when disarmed */
+};
+size_t proto_log_arm_reply_encode(const struct proto_log_arm_reply *from, uint8_t *out, size_t capacity);
+bool proto_log_arm_reply_decode(struct proto_log_arm_reply *to, const uint8_t *in, size_t length);
+
+#define PROTO_LOG_TRIGGER_REPLY_SIZE 34u
+/* reply: what is armed and what has come of it; all zero when idle */
+struct proto_log_trigger_reply {
+    uint8_t state; /* log_trigger_state */
+    uint8_t kind; /* log_trigger_kind */
+    uint8_t signal; /* signal, of a threshold */
+    uint8_t edge; /* log_edge, of a threshold */
+    int32_t level; /* of a threshold */
+    uint32_t before_ms;
+    uint32_t after_ms;
+    uint16_t log_id;
+    uint32_t fired_ms; /* device time of the trigger */
+    uint32_t fired_t_ms; /* the same as t_ms of the log's records */
+    int32_t value; /* the signal then, of a threshold */
+    uint32_t faults; /* latched faults' bits then, of a fault */
+};
+size_t proto_log_trigger_reply_encode(const struct proto_log_trigger_reply *from, uint8_t *out, size_t capacity);
+bool proto_log_trigger_reply_decode(struct proto_log_trigger_reply *to, const uint8_t *in, size_t length);
 
 #define PROTO_SET_EFFORT_REQUEST_SIZE 8u
 /* drive the wheels with a share of the supply, until the host falls silent; a log opens with the first such command, and odometry goes to zero */

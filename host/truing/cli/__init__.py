@@ -35,7 +35,7 @@ COMMANDS: dict[str, str] = {
     "stop": "Brake both wheels now.",
     "faults": "Show the board's faults, or clear them.",
     "params": "List, change, save and compare the board's parameters.",
-    "log": "List, fetch and erase the board's logs.",
+    "log": "List, fetch, arm and erase the board's logs.",
     "import": "Turn recordings of other programs into a set of runs.",
     "trial": "Hide an effect in a simulated robot, diagnose it, look whether it was found.",
     "identify": "Gains and time constants of recordings.",

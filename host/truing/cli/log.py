@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from truing.cli.app import App
 from truing.cli.options import board_options
+from truing_protocol import LogEnd, LogTriggerState
+
+if TYPE_CHECKING:
+    from truing.board_state import BoardLog
+    from truing.log_trigger import LogTrigger
 
 
 @click.group(no_args_is_help=True)
 def command() -> None:
-    """List, fetch and erase the board's logs.
+    """List, fetch, arm and erase the board's logs.
 
     \b
     Examples:
       truing --port /dev/ttyUSB0 log list
       truing --port /dev/ttyUSB0 log fetch
+      truing --port /dev/ttyUSB0 log arm --on fault --before 5 --after 2
       truing --port /dev/ttyUSB0 log erase
     """
 
@@ -49,9 +56,16 @@ def list_(app: App) -> None:
             str(log.record_count),
             str(log.length),
             log.end.name.lower(),
-            "no, its beginning is overwritten" if log.truncated else "yes",
+            _whole(log),
         )
     app.show(table)
+
+
+def _whole(log: BoardLog) -> str:
+    if not log.truncated:
+        return "yes"
+    around = log.end is LogEnd.TRIGGERED
+    return "what was to be kept around its trigger" if around else "no, its beginning is overwritten"
 
 
 @command.command()
@@ -111,6 +125,7 @@ def fetch(app: App, log_id: int | None, folder: Path | None, name: str, raw: Pat
         if raw is not None:
             replace_file(raw, fetched.data)
     report = fetched.report
+    trigger = run.metadata.extra.get("trigger") if run.metadata is not None else None
     app.emit(
         {
             "run": str(path),
@@ -122,6 +137,7 @@ def fetch(app: App, log_id: int | None, folder: Path | None, name: str, raw: Pat
             "seconds": report.seconds,
             "crc32": f"{report.crc32:08x}",
         }
+        | ({"trigger": trigger} if trigger else {})
     )
     if report.resumed_bytes:
         app.say(f"resumed: {report.resumed_bytes} of {report.bytes} bytes were here from the download before")
@@ -129,7 +145,117 @@ def fetch(app: App, log_id: int | None, folder: Path | None, name: str, raw: Pat
         f"log {fetched.log.log_id}: {len(run)} records, {report.bytes} bytes, "
         f"digest {report.crc32:08x} as on the board, {report.bytes_per_s / 1000:.1f} kB/s"
     )
+    if trigger:
+        app.say(f"triggered at {trigger['run_t_s']:.3f} s of the run: {_reason(trigger)}")
     app.say(f"written: {path}")
+
+
+def _reason(trigger: dict[str, Any]) -> str:
+    if trigger["faults"]:
+        return ", ".join(trigger["faults"])
+    return f"{trigger['signal']} came {trigger['edge']} {trigger['level']:g}: {trigger['value']:g}"
+
+
+@command.command()
+@click.option(
+    "--on", type=click.Choice(["fault", "threshold"]), required=True, help="What makes it worth keeping."
+)
+@click.option("--signal", help="Of a threshold: which signal; `truing stream --help` lists them.")
+@click.option("--above", type=float, help="Of a threshold: fires when the signal rises above this.")
+@click.option("--below", type=float, help="Of a threshold: fires when the signal falls below this.")
+@click.option(
+    "--before",
+    "before_s",
+    type=float,
+    default=5.0,
+    show_default=True,
+    help="Seconds to keep from before the trigger, rounded up to whole blocks of the log.",
+)
+@click.option(
+    "--after",
+    "after_s",
+    type=float,
+    default=2.0,
+    show_default=True,
+    help="Seconds to record after the trigger.",
+)
+@board_options
+def arm(
+    app: App,
+    on: str,
+    signal: str | None,
+    above: float | None,
+    below: float | None,
+    before_s: float,
+    after_s: float,
+) -> None:
+    """Record from now on, and keep what is around a trigger as a log to fetch.
+
+    The board waits by itself, for hours. Meanwhile live drives leave no log of their own, and sequences are
+    refused.
+
+    \b
+    Examples:
+      truing --port /dev/ttyUSB0 log arm --on fault --before 5 --after 2
+      truing --port /dev/ttyUSB0 log arm --on threshold --signal speed_left --above 0.5 --before 1 --after 1
+      truing --port /dev/ttyUSB0 log arm --on threshold --signal battery --below 11.1
+    """
+    with app.open_device() as device:
+        device.arm_log(on, before_s=before_s, after_s=after_s, signal=signal, above=above, below=below)
+        trigger = device.log_trigger_state()
+    app.emit(trigger.to_dict())
+    app.say(_state(trigger))
+
+
+@command.command()
+@board_options
+def state(app: App) -> None:
+    """Show what the log is armed for, and what came of it.
+
+    \b
+    Example:
+      truing --port /dev/ttyUSB0 log state
+    """
+    with app.open_device() as device:
+        trigger = device.log_trigger_state()
+    app.emit(trigger.to_dict())
+    app.say(_state(trigger))
+
+
+@command.command()
+@board_options
+def disarm(app: App) -> None:
+    """End an armed log: without a trigger it is discarded, after one it is kept with what it has.
+
+    \b
+    Example:
+      truing --port /dev/ttyUSB0 log disarm
+    """
+    with app.open_device() as device:
+        before = device.log_trigger_state()
+        device.disarm_log()
+        trigger = device.log_trigger_state()
+    app.emit(trigger.to_dict())
+    if before.state is LogTriggerState.ARMED:
+        app.say(f"log {before.log_id} discarded: {before.cause} never came")
+    elif before.state is LogTriggerState.FIRED:
+        app.say(f"log {before.log_id} ends here; `truing log fetch {before.log_id}` brings it")
+    else:
+        app.say("nothing was armed")
+
+
+def _state(trigger: LogTrigger) -> str:
+    kept = f"{trigger.before_s:g} s before and {trigger.after_s:g} s after"
+    if trigger.state is LogTriggerState.ARMED:
+        return f"armed: log {trigger.log_id} waits for {trigger.cause}, and keeps {kept} it"
+    if trigger.state is LogTriggerState.IDLE:
+        return "idle: logs begin and end with sequences and live drives"
+    what = ", ".join(fault.name for fault in trigger.faults) or trigger.cause
+    when = f"triggered at device time {trigger.fired_s:.3f} s: {what}"
+    text = f"{trigger.state.name.lower()}: log {trigger.log_id} {when}"
+    if trigger.state is LogTriggerState.FIRED:
+        return f"{text}; it records for {trigger.after_s:g} s after that"
+    return f"{text}; `truing log fetch {trigger.log_id}` brings it"
 
 
 @command.command()

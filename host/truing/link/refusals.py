@@ -30,7 +30,9 @@ _NEXT_STEP: dict[int, str] = {
         "check the board's supply and try again; if it stays so, the flash is worn out: keep the values with "
         "`truing params save --file` and change the board"
     ),
-    RefusalReason.LOG_BUSY: "wait for the sequence to end, or `truing stop`",
+    RefusalReason.LOG_BUSY: (
+        "wait for the sequence to end, or `truing stop`; `truing log disarm` ends an armed log"
+    ),
 }
 _WITH_FAULTS = {RefusalReason.FAULT_LATCHED, RefusalReason.SELF_CHECK_FAILED}
 

@@ -51,6 +51,31 @@ class LogEnd(IntEnum):
     FINISHED = 1
     STOPPED = 2
     FAULT = 3
+    TRIGGERED = 4
+
+
+class LogTriggerKind(IntEnum):
+    """What makes a log worth keeping."""
+
+    SEQUENCE = 0  # the start of a sequence or of a live drive, whose log begins and ends with it
+    THRESHOLD = 1  # a signal crosses a level
+    FAULT = 2  # a fault latches
+
+
+class LogTriggerState(IntEnum):
+    """How far an armed log has come."""
+
+    IDLE = 0  # not armed: logs begin with sequences and live drives
+    ARMED = 1  # records, and keeps the last before_ms
+    FIRED = 2  # the trigger has come; records for after_ms more
+    DONE = 3  # the log is sealed and can be read
+
+
+class LogEdge(IntEnum):
+    """The way in which a signal crosses a level."""
+
+    ABOVE = 0  # it was at the level or below, and is above
+    BELOW = 1  # it was at the level or above, and is below
 
 
 class ResetCause(IntEnum):

@@ -82,7 +82,7 @@ class LogEntry:
 
     log_id: int  # counts up from 1 since boot
     end: int  # log_end
-    truncated: int  # 1: the ring has overwritten its first blocks
+    truncated: int  # 1: its first blocks are not there: the ring has overwritten them, or they were longer before the trigger than wanted
     rate_hz: int
     first_cell: int  # first cell that is still there
     cell_count: int  # cells of sealed blocks that are still there
@@ -1394,6 +1394,140 @@ class LogEraseRequest:
     def unpack_reply(payload: bytes) -> Ack:
         """Read this request's reply."""
         return Ack.unpack(payload)
+
+
+_LOG_ARM_REPLY = struct.Struct("<H")
+
+
+@dataclass(frozen=True, slots=True)
+class LogArmReply:
+    """Reply: record from now on, and keep what is around a trigger. Kind sequence disarms: without a trigger the log is discarded, after one it ends at once."""
+
+    SIZE: ClassVar[int] = 2
+
+    log_id: int  # of the log that has been armed; 0 when disarmed
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _LOG_ARM_REPLY.pack(self.log_id)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> LogArmReply:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 2, False, cls)
+        v = _LOG_ARM_REPLY.unpack_from(payload)
+        return cls(log_id=v[0])
+
+
+_LOG_ARM_REQUEST = struct.Struct("<BBBiII")
+
+
+@dataclass(frozen=True, slots=True)
+class LogArmRequest:
+    """Record from now on, and keep what is around a trigger. Kind sequence disarms: without a trigger the log is discarded, after one it ends at once."""
+
+    SIZE: ClassVar[int] = 15
+    ID: ClassVar[int] = 0x34
+    NAME: ClassVar[str] = "log_arm"
+    CHANGES: ClassVar[bool] = True
+
+    kind: int  # log_trigger_kind
+    signal: int  # signal, of a threshold; not faults nor the commands
+    edge: int  # log_edge, of a threshold
+    level: int  # of a threshold, in the signal's unit on the wire
+    before_ms: int  # what is kept from before the trigger, at least
+    after_ms: int  # what is recorded after it
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _LOG_ARM_REQUEST.pack(self.kind, self.signal, self.edge, self.level, self.before_ms, self.after_ms)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> LogArmRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 15, False, cls)
+        v = _LOG_ARM_REQUEST.unpack_from(payload)
+        return cls(kind=v[0], signal=v[1], edge=v[2], level=v[3], before_ms=v[4], after_ms=v[5])
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> LogArmReply:
+        """Read this request's reply."""
+        return LogArmReply.unpack(payload)
+
+
+_LOG_TRIGGER_REPLY = struct.Struct("<BBBBiIIHIIiI")
+
+
+@dataclass(frozen=True, slots=True)
+class LogTriggerReply:
+    """Reply: what is armed and what has come of it; all zero when idle."""
+
+    SIZE: ClassVar[int] = 34
+
+    state: int  # log_trigger_state
+    kind: int  # log_trigger_kind
+    signal: int  # signal, of a threshold
+    edge: int  # log_edge, of a threshold
+    level: int  # of a threshold
+    before_ms: int
+    after_ms: int
+    log_id: int
+    fired_ms: int  # device time of the trigger
+    fired_t_ms: int  # the same as t_ms of the log's records
+    value: int  # the signal then, of a threshold
+    faults: int  # latched faults' bits then, of a fault
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _LOG_TRIGGER_REPLY.pack(self.state, self.kind, self.signal, self.edge, self.level, self.before_ms, self.after_ms, self.log_id, self.fired_ms, self.fired_t_ms, self.value, self.faults)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> LogTriggerReply:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 34, False, cls)
+        v = _LOG_TRIGGER_REPLY.unpack_from(payload)
+        return cls(
+            state=v[0],
+            kind=v[1],
+            signal=v[2],
+            edge=v[3],
+            level=v[4],
+            before_ms=v[5],
+            after_ms=v[6],
+            log_id=v[7],
+            fired_ms=v[8],
+            fired_t_ms=v[9],
+            value=v[10],
+            faults=v[11],
+        )
+
+
+_LOG_TRIGGER_REQUEST = struct.Struct("<")
+
+
+@dataclass(frozen=True, slots=True)
+class LogTriggerRequest:
+    """What is armed and what has come of it; all zero when idle."""
+
+    SIZE: ClassVar[int] = 0
+    ID: ClassVar[int] = 0x35
+    NAME: ClassVar[str] = "log_trigger"
+    CHANGES: ClassVar[bool] = False
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _LOG_TRIGGER_REQUEST.pack()
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> LogTriggerRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 0, False, cls)
+        return cls()
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> LogTriggerReply:
+        """Read this request's reply."""
+        return LogTriggerReply.unpack(payload)
 
 
 _SET_EFFORT_REQUEST = struct.Struct("<ff")
