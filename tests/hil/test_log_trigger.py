@@ -274,4 +274,4 @@ def test_the_commands_arm_tell_fetch_and_disarm(image: Path, native_library: Pat
         assert fetched["log"]["end"] == "triggered"
         assert fetched["trigger"]["signal"] == "speed_left"
         assert 1.0 <= fetched["trigger"]["run_t_s"] < 2.0
-        assert "around its trigger" in truing("log", "list")[1]
+        assert "triggered" in truing("log", "list")[1]
