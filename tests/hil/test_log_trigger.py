@@ -16,13 +16,15 @@ from support.served_board import ServedBoard
 from truing.device import Device
 from truing.drive import drive
 from truing.errors import Refused, TruingError
-from truing.log_trigger import SIGNALS
+from truing.log_trigger import SIGNALS, most_s
 from truing.plan import Kind, Plan, Segment
 from truing.recording_reader import read_run
 from truing.run_saver import FetchedLog, fetch_log, run_of, save_run
+from truing.signal_stream import SIGNALS as STREAMED
 from truing_protocol import LogEnd, LogTriggerState
 
 LEFT = 0
+SYSTICK = 15
 RATE_HZ = 20
 SHORT = Plan("short", "short", (Segment(Kind.EFFORT, 1.0, 0.3, 0.3),), RATE_HZ)
 
@@ -196,6 +198,42 @@ def test_an_armed_log_goes_round_in_its_own_place_for_minutes(image: Path, nativ
     assert kept_s < 5.0
     assert fetched.log.offset == old.offset + old.length
     assert len(fetched.data) < 2500
+
+
+def test_armed_beside_a_stream_no_record_is_lost_and_no_sample_and_no_tick_is_late(
+    image: Path, native_library: Path
+) -> None:
+    """As much as the ring admits is moved along in it, at 200 Hz, while a stream is read."""
+    with Chain(image) as chain:
+        device = chain.host()
+        device.set_parameter("log_rate_hz", 200)
+        most = int(most_s(device.info.log_bytes, 200))
+        chain.stream.sleep(0.3)
+        device.arm_log("threshold", signal="speed_left", above=0.7, before_s=most - 1.0, after_s=1.0)
+        with device.stream(list(STREAMED), 200) as stream:
+            taken = []
+            for left, seconds in ((0.35, most + 5.0), (0.7, 3.0)):
+                until = chain.stream.now_s() + seconds
+                while chain.stream.now_s() < until:
+                    device.set_effort(left, 0.3)
+                    taken += stream.read(0.1)
+            device.stop()
+        trigger, faults = device.log_trigger_state(), device.status().latched
+        fetched = fetch_log(device)
+        worst = chain.robot.cost(SYSTICK).worst_instructions
+    t_ms = fetched.decoded.records["t_ms"].astype(np.int64)
+    kept_s = (trigger.fired_t_s or 0.0) - t_ms[0] / 1000
+    print(
+        f"{len(t_ms)} records, {kept_s:.2f} s before the trigger, {len(fetched.data)} bytes; "
+        f"{len(taken)} samples streamed, {stream.lost} lost; worst tick {worst} instructions"
+    )
+    assert trigger.state is LogTriggerState.DONE
+    assert faults == ()
+    assert stream.lost == 0
+    assert set(np.diff(t_ms)[:-1]) == {5}
+    assert kept_s >= most - 1.0
+    assert t_ms[-1] / 1000 >= (trigger.fired_t_s or 0.0) + 1.0
+    assert worst < 10_000  # the budget, firmware/BUDGETS.md
 
 
 @pytest.mark.parametrize(
