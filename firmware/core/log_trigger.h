@@ -12,8 +12,8 @@
 #include "proto.h"
 #include "refusal.h"
 
-/* Memory that a record is taken to need: four times what drives have been seen to. One that needs more costs
- * the beginning of its own log. */
+/* Memory that a record is taken to need: over twice what those of a noisy drive do. A drive that needs more
+ * costs the beginning of its own log. */
 enum { LOG_TRIGGER_RECORD_BYTES = 16 };
 
 struct log_trigger {
