@@ -9,6 +9,7 @@ VECTORS = Path(__file__).parents[2] / "protocol" / "vectors" / "vectors.json"
 ASK, TICKS, COUNTS, BATTERY, ASK_WITH_CRC, OVERRUN = 0, 1, 2, 3, 5, 6
 SEQ_BEGIN, SEQ_SEGMENTS, SEQ_COMMIT, SEQ_START = 0x20, 0x21, 0x22, 0x23
 REPLY_BIT = 0x80
+LOG_ARM = 0x34
 STORE_FORMAT = 0x00080001  # firmware/README.md, parameter store
 
 
@@ -49,6 +50,12 @@ def request_seeds(messages: list[dict[str, str]]) -> list[bytes]:
         for before in (b"", effort, upload + run)
     ]
     seeds.append(upload + run[:4] + bytes([TICKS, 5]) + effort + bytes([TICKS, 2]))
+    # A log that is armed, for a fault and for a count, and what comes of it; disarmed before and after.
+    disarm, ticks = ask(LOG_ARM, struct.pack("<BBBiII", 0, 0, 0, 0, 0, 0)), bytes([TICKS, 200])
+    for wish in ((2, 0, 0, 0, 300, 100), (1, 6, 0, 50, 200, 100), (1, 6, 1, -50, 0, 0)):
+        arm = ask(LOG_ARM, struct.pack("<BBBiII", *wish))
+        seeds.append(arm + effort + ticks + pushed + ticks + disarm + ticks)
+        seeds.append(arm + disarm + arm + ticks + run_held + effort + ticks + ticks + arm + ask(0x35, b""))
     return seeds
 
 
