@@ -6,7 +6,7 @@ An autoregression of a few lags stands for both (any rational spectrum; Ljung 19
 its innovations can be counted as independent samples.
 
 The noise's memory is bounded: a disturbing torque is forgotten about as fast as the wheel forgets, so
-its memory is no more than a few of the wheel's own time constants. Without that bound it takes any slow
+correlations fade with the wheel's own time constant. Without that bound an autoregression takes any slow
 error of the model (friction that a linear model lacks) for noise that never forgets, and then no slow
 error weighs anything.
 """
