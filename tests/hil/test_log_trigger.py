@@ -16,11 +16,15 @@ from support.served_board import ServedBoard
 from truing.device import Device
 from truing.drive import drive
 from truing.errors import Refused, TruingError
+from truing.link.can_stream import CanStream
+from truing.link.client import Client
+from truing.link.connect import VirtualOptions
 from truing.log_trigger import SIGNALS, most_s
 from truing.plan import Kind, Plan, Segment
 from truing.recording_reader import read_run
 from truing.run_saver import FetchedLog, fetch_log, run_of, save_run
 from truing.signal_stream import SIGNALS as STREAMED
+from truing.virtual_can import SimulatedBus, free, make_bus_of_boards
 from truing_protocol import LogEnd, LogTriggerState
 
 LEFT = 0
@@ -234,6 +238,24 @@ def test_armed_beside_a_stream_no_record_is_lost_and_no_sample_and_no_tick_is_la
     assert kept_s >= most - 1.0
     assert t_ms[-1] / 1000 >= (trigger.fired_t_s or 0.0) + 1.0
     assert worst < 10_000  # the budget, firmware/BUDGETS.md
+
+
+def test_it_is_armed_and_fetched_over_can_as_over_serial(image: Path, native_library: Path) -> None:
+    bus = make_bus_of_boards(VirtualOptions(image=image), (1,), 1_000_000)
+    try:
+        device = Device(Client(CanStream(SimulatedBus(bus), 1)))
+        device.client.stream.sleep(0.3)
+        log_id = device.arm_log("threshold", signal="counts_right", above=100, before_s=0.5, after_s=0.5)
+        live(device, 0.0, 0.0, 1.0)
+        live(device, 0.0, 0.4, 1.5)
+        device.stop()
+        fetched = fetch_log(device)
+        before, after, _ = around(fetched, device)
+    finally:
+        free(bus)
+    assert fetched.log.log_id == log_id
+    assert before >= RATE_HZ / 2
+    assert after >= RATE_HZ / 2
 
 
 @pytest.mark.parametrize(

@@ -48,12 +48,13 @@ def list_(app: App) -> None:
         return
     table = Table("log", "start", "seconds", "rate", "records", "bytes", "ended", "whole")
     for log in logs:
+        less = "< " if log.truncated else ""  # the board counts from the opening on
         table.add_row(
             str(log.log_id),
             f"{log.start_s:.1f} s",
-            f"{log.end_s - log.start_s:.1f}",
+            f"{less}{log.end_s - log.start_s:.1f}",
             f"{log.rate_hz} Hz",
-            str(log.record_count),
+            f"{less}{log.record_count}",
             str(log.length),
             log.end.name.lower(),
             _whole(log),
