@@ -15,6 +15,7 @@ import numpy as np
 from truing.diagnose.adequacy import Structure, find_bursts
 from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.compare import differences, moment_gains
+from truing.diagnose.data import BoolArray
 from truing.diagnose.fit import Fit, judge
 from truing.diagnose.problem import CLIP, LEAST_COUNTS, Problem
 from truing.diagnose.result import Verdict
@@ -192,9 +193,13 @@ def remains(left: Structure, best: Fit, base: Fit) -> bool:
     """Whether structure is left that matters, beside the noise and beside what was explained."""
     after = (best.residual.wheels**2).mean(axis=0)
     explained = float(np.max((base.residual.wheels**2).mean(axis=0) - after))
-    sure = (left.share > LEFT_ERRORS * left.error) | (left.helped >= LEFT_RUNS)
     matters = (left.times_noise > LEFT_TIMES) & (left.share * after > LEFT_SHARE**2 * explained)
-    return bool(np.any(sure & matters))
+    return bool(np.any(foretells(left) & matters))
+
+
+def foretells(found: Structure) -> BoolArray:
+    """Whether there is structure for sure, shape (2,)."""
+    return np.asarray((found.share > LEFT_ERRORS * found.error) | (found.helped >= LEFT_RUNS))
 
 
 def outweighs(search: Search, left: Structure, best: Fit, base: Fit) -> bool:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from truing.diagnose.applicable import not_exercised, weakly_exercised
 from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.checks import DataChecks
 from truing.diagnose.compare import differences
+from truing.diagnose.data import SetData
 from truing.diagnose.fit import Fit
 from truing.diagnose.held_out import HeldOut, folds_of, held_out
 from truing.diagnose.intervals import covariance, effect_parameters
@@ -30,13 +32,17 @@ from truing.diagnose.result import (
     WheelNumbers,
 )
 from truing.diagnose.traces import RunTraces
-from truing.diagnose.verdict import Reasoning
+from truing.diagnose.verdict import Reasoning, foretells
 from truing.model.kernel import FloatArray, IntArray
 from truing.recording import WHEELS, RecordingSet
 
 SIGNALS = ("vel_left_mps", "vel_right_mps")
 # A signal whose mismatch is below this many times its noise is no place.
 LEAST_PLACE = 0.15
+# An unexplained residual is smoothed over so many seconds where less than half of its energy is foretold.
+SMOOTHED_S, MOST_UNTOLD = 0.25, 0.5
+# Events stand out of it by so many times its usual size.
+EVENT_TIMES = 3.0
 
 
 def write_up(recordings: RecordingSet, reasoning: Reasoning, checks: DataChecks | None = None) -> Diagnosis:
@@ -204,10 +210,40 @@ def _places(reasoning: Reasoning) -> tuple[MismatchSpan, ...]:
 
 
 def unexplained_shape(reasoning: Reasoning) -> FloatArray:
-    """What stands out of the baseline's residual: the part that a flexible model foretells, shape (n, 2)."""
+    """What stands out of the baseline's residual, shape (n, 2), m/s.
+
+    What a flexible model foretells where that is most of it; otherwise its own moving mean, or the events
+    that hold most of that: what comes when it likes is foretold by nothing. A wheel with neither is left out.
+    """
     from truing.diagnose.engine import structure_of
 
-    return structure_of(reasoning.problem, reasoning.base).foretold
+    problem, base = reasoning.problem, reasoning.base
+    found = structure_of(problem, base)
+    residual = np.where(problem.counted > 0.0, problem.data.speed_mps - base.residual.speeds, 0.0)
+    told = ((residual - found.foretold) ** 2).sum(axis=0) < MOST_UNTOLD * (residual**2).sum(axis=0)
+    sure = foretells(found)
+    smooth = _moving_mean(problem.data, residual)
+    loud = _events(smooth)
+    eventful = (loud**2).sum(axis=0) > MOST_UNTOLD * (smooth**2).sum(axis=0)
+    shape = np.where(eventful, loud, np.where(sure, smooth, 0.0))
+    shape = np.where(sure & told, found.foretold, shape)
+    return shape if shape.any() else smooth
+
+
+def _events(values: FloatArray) -> FloatArray:
+    """The values without those that are no larger than most, shape (n, 2)."""
+    usual = 1.4826 * np.median(np.abs(values), axis=0)
+    return np.where(np.abs(values) > EVENT_TIMES * usual, values, 0.0)
+
+
+def _moving_mean(data: SetData, values: FloatArray) -> FloatArray:
+    """Mean over SMOOTHED_S around each row, within its segment; values of shape (n, 2)."""
+    rows = max(1, round(SMOOTHED_S / float(np.median(data.interval_s))))
+    parts = [
+        uniform_filter1d(values[a:b], rows, axis=0, mode="nearest")
+        for a, b in zip(data.starts[:-1], data.starts[1:], strict=True)
+    ]
+    return np.concatenate(parts)
 
 
 def _ranking(reasoning: Reasoning) -> tuple[RankedEffect, ...]:

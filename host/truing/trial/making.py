@@ -98,7 +98,7 @@ def prepare_trial(trial: Trial) -> PreparedTrial:
     """
     quiet = with_strengths(dataclasses.replace(trial, effects=()), ())
     rehearsal = drive_set(core_robot(quiet, trial.seed), trial.plans, quiet, trial.seed)
-    noise = _noise_mps(rehearsal, row_motion(rehearsal, play(rehearsal, quiet), quiet), quiet)
+    noise = _noise_mps(rehearsal, row_motion(rehearsal, play(rehearsal, quiet, trial.seed), quiet), quiet)
     closed_loop = any(segment.kind is not Kind.EFFORT for plan in trial.plans for segment in plan.segments)
     first_order = FirstOrder(rehearsal)
 
@@ -169,7 +169,7 @@ class Making:
         bare = with_strengths(dataclasses.replace(prepared.trial, effects=()), ())
         arrays: dict[str, FloatArray] = {}
         for prefix, robot in (("", prepared.robot), ("plain_", bare)):
-            motion = row_motion(driven, play(driven, robot), robot)
+            motion = row_motion(driven, play(driven, robot, prepared.trial.seed), robot)
             arrays |= {
                 f"{prefix}speed": motion.speed_mps,
                 f"{prefix}recorded": motion.recorded_mps,
@@ -194,7 +194,7 @@ def strength_of(
     """S of one effect at a raw strength, under the efforts of a driven set."""
     effect = ALL[trial.effects[k].name]
     robot = alone(trial, k, value)
-    motion = row_motion(driven, play(driven, robot), robot)
+    motion = row_motion(driven, play(driven, robot, trial.seed), robot)
     if effect.domain == "pose":
         return pose_strength(motion, driven, robot, trial.sensors.truth_mm, trial.sensors.truth_mrad)
     return wheel_strength(first_order, motion, noise_mps, tied=effect.tied)

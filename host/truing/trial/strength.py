@@ -79,8 +79,13 @@ def filtered_travel(travel_m: FloatArray, constant_s: float) -> FloatArray:
     return out
 
 
-def play(driven: DrivenSet, robot: Robot, *, seed: int = 1) -> Samples:
-    """Return the robot's motion under the efforts of a driven set, without disturbance."""
+def play(driven: DrivenSet, robot: Robot, seed: int) -> Samples:
+    """Return the robot's motion under the efforts of a driven set, without disturbance.
+
+    Parameters
+    ----------
+    seed : the driven robot's, so that what comes when it likes comes at the same moments.
+    """
     quiet = dict(robot.hidden)
     quiet["disturbance__torque_nm"] = (0.0, 0.0)
     plain = Robot(**{**robot.__dict__, "hidden": quiet})
