@@ -31,7 +31,7 @@ LEAST_FIRST = 0.25
 # A second effect must be worth more: a first one that is finer than its equation leaves a remainder. In
 # some signal it bends the model by this much of the noise and of what the first bends, and brings this
 # share of the log-likelihood; or that one, where it explains little by itself.
-LEAST_SECOND, SECOND_SHARE, SECOND_GAIN, LONE_GAIN = 0.3, 0.15, 0.02, 0.3
+LEAST_SECOND, SECOND_SHARE, SECOND_GAIN, LONE_GAIN = 0.3, 0.15, 0.03, 0.3
 # Two effects that are both there each explain by themselves about what they add to the other; one that mends
 # the other's equation does not. Share of the first that the second is.
 ALONE = 0.2
