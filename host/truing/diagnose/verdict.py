@@ -37,7 +37,8 @@ LEAST_SECOND, SECOND_SHARE, SECOND_GAIN, LONE_GAIN = 0.3, 0.15, 0.03, 0.3
 ALONE = 0.2
 # Another explanation is a rival unless it is worse by this much.
 RIVAL_GAIN, RIVAL_TIMES = 6.0, 0.15
-MOST_RIVALS, MOST_PAIRS_WEIGHED = 3, 5
+# A doubt between more names than this helps nobody: of many rivals the best are told.
+MOST_NAMED, MOST_PAIRS_WEIGHED = 3, 5
 # What a flexible model still foretells is unexplained beyond these: RMS over noise, standard errors of the
 # share (or so many of the runs in which it foretells at all: a few loud ones make the error large), share
 # (in RMS) of what was explained.
@@ -154,10 +155,11 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
 
     A rival would be accused if the best were not there: what hardly bends the signals explains nothing.
     """
-    out = []
+    out: list[Fit] = []
+    told = set(best.effects)
     base = search.fits[()]
     for other in search.ranked(len(best.effects)):
-        if set(other.effects) == set(best.effects):
+        if set(other.effects) == set(best.effects) or len(told.union(other.effects)) > MOST_NAMED:
             continue
         ahead = search.better(best, other)
         close = ahead.spread < RIVAL_GAIN or ahead.times_noise < RIVAL_TIMES
@@ -165,7 +167,8 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
         named = named and (len(other.effects) < 2 or needs_both(search, other))
         if close and named and not _only_richer(search, best, other):
             out.append(other)
-    return tuple(out[: MOST_RIVALS - 1])
+            told.update(other.effects)
+    return tuple(out)
 
 
 def _only_richer(search: Search, best: Fit, other: Fit) -> bool:
