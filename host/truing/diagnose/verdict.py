@@ -155,11 +155,10 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
 
     A rival would be accused if the best were not there: what hardly bends the signals explains nothing.
     """
-    out: list[Fit] = []
-    told = set(best.effects)
+    out = []
     base = search.fits[()]
     for other in search.ranked(len(best.effects)):
-        if set(other.effects) == set(best.effects) or len(told.union(other.effects)) > MOST_NAMED:
+        if set(other.effects) == set(best.effects):
             continue
         ahead = search.better(best, other)
         close = ahead.spread < RIVAL_GAIN or ahead.times_noise < RIVAL_TIMES
@@ -167,8 +166,17 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
         named = named and (len(other.effects) < 2 or needs_both(search, other))
         if close and named and not _only_richer(search, best, other):
             out.append(other)
-            told.update(other.effects)
-    return tuple(out)
+    return _told(best, out)
+
+
+def _told(best: Fit, rivals: list[Fit]) -> tuple[Fit, ...]:
+    """The first rival, and of the others those that bring no more names than a doubt may have."""
+    names, told = set(best.effects), []
+    for rival in rivals:
+        if not told or len(names.union(rival.effects)) <= MOST_NAMED:
+            told.append(rival)
+            names.update(rival.effects)
+    return tuple(told)
 
 
 def _only_richer(search: Search, best: Fit, other: Fit) -> bool:
