@@ -171,7 +171,8 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
 
 def _told(best: Fit, rivals: list[Fit]) -> tuple[Fit, ...]:
     """The first rival, and of the others those that bring no more names than a doubt may have."""
-    names, told = set(best.effects), []
+    names: set[str] = set(best.effects)
+    told: list[Fit] = []
     for rival in rivals:
         if not told or len(names.union(rival.effects)) <= MOST_NAMED:
             told.append(rival)
