@@ -3,24 +3,27 @@
 Three covariances, the widest of which counts for each number: the curvature of the whitened likelihood, which
 is right where the noise model is; and the sandwich (Liang & Zeger 1986) over blocks of time and over whole
 runs, which needs no noise model but enough of them. Runs also show where an equation is only near the robot:
-then each run asks for another number.
+then each run asks for another number, and so does another weight of slow errors beside fast ones.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy import stats
 
 from truing.diagnose.compare import row_blocks
-from truing.diagnose.fit import Fit
+from truing.diagnose.fit import Fit, fit
 from truing.diagnose.problem import CLIP, Problem
 from truing.diagnose.result import EffectParameter
 from truing.model.kernel import FloatArray, IntArray
 
 # So many runs tell how far runs differ. Pose windows in one cluster: more than any run has.
 LEAST_RUNS, WHOLE_RUN = 6, 1_000_000
+# The numbers under another weight are near: so many steps find them.
+PLAIN_STEPS = 6
 
 
 def covariance(problem: Problem, done: Fit) -> FloatArray:
@@ -38,7 +41,7 @@ def covariance(problem: Problem, done: Fit) -> FloatArray:
         between.append(_sandwich(bread, pieces, _clusters(problem, runs, WHOLE_RUN)))
     variance = float(flat @ flat) / max(int((flat != 0.0).sum()) - len(scale), 1)
     likelihood = bread * max(variance, 0.25)
-    wider = np.sqrt(np.max([*between, np.diag(likelihood)], axis=0))
+    wider = np.sqrt(np.max([*between, np.diag(likelihood)], axis=0) + (scale * _moved(problem, done)) ** 2)
     told = np.diag(likelihood) > 0.0
     size = np.sqrt(np.where(told, np.diag(likelihood), 1.0))
     correlation = likelihood / np.outer(size, size) + np.diag(np.where(told, 0.0, 1.0))
@@ -46,6 +49,18 @@ def covariance(problem: Problem, done: Fit) -> FloatArray:
     anything = np.array([0.25 * (column.upper - column.lower) for column in done.columns])
     deviation = np.where(told, wider / scale, anything)
     return np.asarray(correlation * np.outer(deviation, deviation))
+
+
+def _moved(problem: Problem, done: Fit) -> FloatArray:
+    """How far, in standard deviations' units (p,), the numbers go when the noise is taken for white.
+
+    Both weights find the same numbers where the equation holds; where it is only near the robot, the interval
+    reaches as far as the other.
+    """
+    plain = replace(problem.noise, lags=np.zeros_like(problem.noise.lags), sigma=problem.noise.rms)
+    other = fit(problem.with_noise(plain), done.effects, done.theta, iterations=PLAIN_STEPS)
+    entries = [column.entries[0] for column in done.columns]
+    return np.asarray((other.theta[entries] - done.theta[entries]) / stats.norm.ppf(0.975))
 
 
 def _clusters(problem: Problem, rows: IntArray, windows: int) -> IntArray:
