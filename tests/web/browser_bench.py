@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -77,6 +78,12 @@ def board_state(page: Page) -> object:
 def go(page: Page, key: str, title: str) -> None:
     page.keyboard.press(key)
     page.wait_for_function("title => document.title.startsWith(title)", arg=title)
+
+
+def cycles(page: Page) -> int:
+    """How many cycles the Trajectory page has painted."""
+    told = page.get_by_text(re.compile(r"^\d+ cycles")).first
+    return int(told.inner_text().split()[0]) if told.count() else 0
 
 
 def drive_by_key(page: Page) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import re
 import time
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from truing.recording_reader import read_run
 from truing.web.map_file import read_world
 from web.browser_bench import (
     board_state,
+    cycles,
     drive_by_key,
     go,
     leave_the_wheel,
@@ -226,11 +226,6 @@ def test_both_global_maps_grow_and_are_saved_as_maps(page, bench):
         page.get_by_role("button", name="Save map", exact=True).click()
         page.get_by_text(f"room-{name}.yaml and .png", exact=False).first.wait_for()
         assert read_world(bench.view.out / f"maps/room-{name}.yaml").occupied.sum() > 20
-
-
-def cycles(page):
-    told = page.get_by_text(re.compile(r"^\d+ cycles")).first
-    return int(told.inner_text().split()[0]) if told.count() else 0
 
 
 def test_a_path_driven_by_six_keys_becomes_a_sequence_that_the_board_runs(page, bench):

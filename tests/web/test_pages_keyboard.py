@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from web.browser_bench import drive_by_key, go, live, speed, wait
+from web.browser_bench import cycles, drive_by_key, go, live, speed, wait
 from web.made_runs import made_set
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
@@ -47,7 +47,7 @@ def test_a_wall_is_painted_and_saved_by_keys(page, bench):
 def test_a_path_is_driven_uploaded_and_run_by_keys(page):
     go(page, "3", "Trajectory")
     page.keyboard.down("ArrowUp")
-    page.wait_for_timeout(700)
+    wait(lambda: cycles(page) >= 5, "five cycles ahead")
     page.keyboard.up("ArrowUp")
     tab_to(page, "Upload and run", "BUTTON")
     page.keyboard.press("Enter")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import pytest
 
@@ -27,6 +28,19 @@ def paths(page):
 
 def end_of(page, title):
     return next((point for name, point in paths(page) if name == title), None)
+
+
+def settled_end_of(page, title):
+    """The end of a path once the page draws it no further."""
+    seen = []
+
+    def stands():
+        seen.append(end_of(page, title))
+        page.wait_for_timeout(500)
+        return seen[-1] == end_of(page, title)
+
+    wait(stands, "a picture that stands")
+    return seen[-1]
 
 
 def choose(page, label, text):
@@ -83,9 +97,10 @@ def test_a_slider_moved_by_keys_moves_the_overlay_and_the_model_is_saved(page, b
     for _ in range(25):
         page.keyboard.press("ArrowLeft")
     wait(lambda: end_of(page, "Simulated (model)")[1] < before[1] - 0.05, "a moved overlay")
+    moved = settled_end_of(page, "Simulated (model)")
     page.get_by_label("distance scale, value").fill("0.1")
     page.get_by_label("distance scale, value").press("Enter")
-    wait(lambda: end_of(page, "Simulated (model)")[0] > before[0], "a longer path")
+    wait(lambda: math.hypot(*end_of(page, "Simulated (model)")) > math.hypot(*moved), "a longer path")
     page.get_by_role("button", name="Save as the robot's model").click()
     wait((bench.view.out / "models/robot.toml").exists, "the robot's model")
     go(page, "4", "Compare")
