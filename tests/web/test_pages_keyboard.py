@@ -47,7 +47,7 @@ def test_a_wall_is_painted_and_saved_by_keys(page, bench):
 def test_a_path_is_driven_uploaded_and_run_by_keys(page):
     go(page, "3", "Trajectory")
     page.keyboard.down("ArrowUp")
-    wait(lambda: cycles(page) >= 5, "five cycles ahead")
+    wait(lambda: cycles(page) >= 14, "a path that takes longer than the shortest run")
     page.keyboard.up("ArrowUp")
     tab_to(page, "Upload and run", "BUTTON")
     page.keyboard.press("Enter")
