@@ -203,9 +203,7 @@ def arm(
     """
     with app.open_device() as device:
         device.arm_log(on, before_s=before_s, after_s=after_s, signal=signal, above=above, below=below)
-        trigger = device.log_trigger_state()
-    app.emit(trigger.to_dict())
-    app.say(_state(trigger))
+        _show(app, device.log_trigger_state())
 
 
 @command.command()
@@ -218,9 +216,7 @@ def state(app: App) -> None:
       truing --port /dev/ttyUSB0 log state
     """
     with app.open_device() as device:
-        trigger = device.log_trigger_state()
-    app.emit(trigger.to_dict())
-    app.say(_state(trigger))
+        _show(app, device.log_trigger_state())
 
 
 @command.command()
@@ -243,6 +239,11 @@ def disarm(app: App) -> None:
         app.say(f"log {before.log_id} ends here; `truing log fetch {before.log_id}` brings it")
     else:
         app.say("nothing was armed")
+
+
+def _show(app: App, trigger: LogTrigger) -> None:
+    app.emit(trigger.to_dict())
+    app.say(_state(trigger))
 
 
 def _state(trigger: LogTrigger) -> str:

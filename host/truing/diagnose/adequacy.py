@@ -28,7 +28,7 @@ HISTORY_S = 0.5
 RINGING_HZ, RINGING_DAMPING = np.geomspace(0.6, 3.5, 11), 0.06
 # Bumps over the floor along each axis.
 PLACES = 6
-# Bursts are looked for in stretches of this length, s; noise puts less than BURST_SHARE of its energy there.
+# Bursts are looked for in stretches of this length, s.
 BURST_S = 0.4
 # So many stretches of a run tell its own noise.
 LEAST_STRETCHES = 8

@@ -10,16 +10,18 @@ eq. 1.9, without their limiter). How far the courses part is how well the speeds
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from truing.diagnose.data import BoolArray, SetData, held_pieces
 from truing.diagnose.simulation.simulator import SetSimulator
-from truing.model.excitation import Pieces
+from truing.model.excitation import STILL_ROWS, Pieces
 from truing.model.kernel import FloatArray, IntArray
 
+# Segments of fewer pieces have no course.
+SHORTEST = 5
 # A smooth row is simulated in this many parts.
 PARTS = 4
 # Effort that changes by less from row to row stands still.
@@ -39,17 +41,15 @@ def with_courses(data: SetData) -> SetData:
 
     The baseline's own numbers judge: they are the same for all courses.
     """
-    held = _errors(data)
     chosen = data
-    least = BETTER * held
-    for split in (_smooth, _jumping):
-        other = recut(data, range(data.runs), split)
+    least = BETTER * _errors(data)
+    for split in (smooth, _jumping):
+        other = recut(data, split)
         if _same(other, data):
             continue
         errors = _errors(other)
-        better = np.flatnonzero(errors < least)
+        chosen = _joined(chosen, other, np.flatnonzero(errors < least))
         least = np.minimum(least, errors)
-        chosen = _joined(data, chosen, recut(data, better.tolist(), split), better)
     return chosen
 
 
@@ -60,19 +60,19 @@ def doubt_of_courses(data: SetData) -> FloatArray:
     moment inside a row that nobody knows.
     """
     rows = data.t_s, data.effort, data.starts, data.interval_s
-    guessed, held = (replace(data, pieces=held_pieces(*rows, lasting)) for lasting in (2, LASTING))
-    others = [recut(held, range(data.runs), split) for split in (_smooth, _jumping, _late)]
+    guessed, held = (replace(data, pieces=held_pieces(*rows, lasting)) for lasting in (STILL_ROWS, LASTING))
+    others = [recut(held, split) for split in (smooth, _jumping, _late)]
     courses = [_speeds(held), *(_speeds(other) for other in (guessed, *others) if not _same(other, held))]
     return np.asarray(np.ptp(np.stack(courses), axis=0))
 
 
-def _joined(data: SetData, one: SetData, other: SetData, runs: IntArray) -> SetData:
+def _joined(one: SetData, other: SetData, runs: IntArray) -> SetData:
     """`one` with these runs' pieces from `other`."""
-    taken = np.isin(data.run_of_segment, runs)
+    taken = np.isin(one.run_of_segment, runs)
     left, right = (
         _chosen_pieces(a, b, taken) for a, b in zip(one.pieces, other.pieces, strict=True)
     )
-    return replace(data, pieces=(left, right))
+    return replace(one, pieces=(left, right))
 
 
 def _same(one: SetData, other: SetData) -> bool:
@@ -102,16 +102,11 @@ Cut = tuple[FloatArray, FloatArray, FloatArray]
 Split = Callable[[FloatArray, FloatArray, FloatArray], Cut]
 
 
-def smoothed(data: SetData, runs: Collection[int]) -> SetData:
-    """The set with the effort of these runs running on smoothly wherever it changes from row to row."""
-    return recut(data, runs, _smooth)
-
-
-def recut(data: SetData, runs: Collection[int], split: Split) -> SetData:
-    """The set with the pieces of these runs cut anew."""
-    taken = np.isin(data.run_of_segment, list(runs))
+def recut(data: SetData, split: Split) -> SetData:
+    """The set with its pieces cut anew, in segments that are long enough to have a course."""
     left, right = (
-        _segmentwise(pieces, lambda k, cut: split(*cut) if taken[k] else cut) for pieces in data.pieces
+        _segmentwise(pieces, lambda _k, cut: split(*cut) if len(cut[0]) >= SHORTEST else cut)
+        for pieces in data.pieces
     )
     return replace(data, pieces=(left, right))
 
@@ -136,12 +131,15 @@ def _segmentwise(pieces: Pieces, change: Callable[[int, Cut], Cut]) -> Pieces:
     )
 
 
+def _widths(end: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Lengths of one segment's pieces, s, and which of them are as long as most."""
+    width = np.diff(end, prepend=2.0 * end[0] - end[1])
+    return width, np.abs(width / np.median(width) - 1.0) < 0.2
+
+
 def _jumping(end: FloatArray, effort: FloatArray, supply: FloatArray) -> Cut:
     """One segment's pieces with a jump wherever a row's mean lies between its neighbours'."""
-    if len(effort) < 5:
-        return end, effort, supply
-    width = np.diff(end, prepend=2.0 * end[0] - end[1])
-    usual = np.abs(width / np.median(width) - 1.0) < 0.2
+    width, usual = _widths(end)
     before, after = effort[:-2], effort[2:]
     between = (effort[1:-1] - before) * (effort[1:-1] - after) < 0.0
     rows = 1 + np.flatnonzero(between & (np.abs(after - before) > LEAST_JUMP) & usual[1:-1])
@@ -157,10 +155,7 @@ def _late(end: FloatArray, effort: FloatArray, supply: FloatArray) -> Cut:
 
     Where it runs on into the next row and ends there, it is early in that one.
     """
-    if len(effort) < 5:
-        return end, effort, supply
-    width = np.diff(end, prepend=2.0 * end[0] - end[1])
-    usual = np.abs(width / np.median(width) - 1.0) < 0.2
+    width, usual = _widths(end)
     change = np.abs(np.diff(effort))
     moves_on = np.maximum(change[1:], np.append(change[2:], 0.0)) > LEAST_KICK
     rows = 1 + np.flatnonzero((change[:-1] > LEAST_JUMP) & moves_on & usual[1:-1])
@@ -176,10 +171,8 @@ def _late(end: FloatArray, effort: FloatArray, supply: FloatArray) -> Cut:
     return np.insert(end, cut, halves), np.insert(level, cut, first[cut]), np.insert(supply, cut, supply[cut])
 
 
-def _smooth(end: FloatArray, effort: FloatArray, supply: FloatArray) -> Cut:
+def smooth(end: FloatArray, effort: FloatArray, supply: FloatArray) -> Cut:
     """One segment's pieces with its smooth rows in `PARTS` parts."""
-    if len(effort) < 5:
-        return end, effort, supply
     varying = np.flatnonzero(_varying(end, effort))
     if not len(varying):
         return end, effort, supply
@@ -208,8 +201,7 @@ def _smooth(end: FloatArray, effort: FloatArray, supply: FloatArray) -> Cut:
 
 def _varying(end: FloatArray, effort: FloatArray) -> BoolArray:
     """Whole rows whose effort differs from both neighbours', two whole rows on either side."""
-    width = np.diff(end, prepend=2.0 * end[0] - end[1])
-    usual = np.abs(width / np.median(width) - 1.0) < 0.2
+    _, usual = _widths(end)
     moves = np.abs(np.diff(effort, prepend=effort[0])) > STILL
     out = np.zeros(len(end), dtype=bool)
     inner = slice(2, len(end) - 2)

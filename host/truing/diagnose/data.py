@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from truing.baseline import Baseline
 from truing.diagnose.usable import carried_over, usable_rows
 from truing.errors import IdentifyError
-from truing.model.excitation import Pieces, excitation
+from truing.model.excitation import STILL_ROWS, Pieces, excitation
 from truing.recording import MOTION_PAIRS, WHEELS, RecordingSet, Run, SpeedSource
 
 FloatArray = NDArray[np.float64]
@@ -323,7 +323,7 @@ def _grain(travel: FloatArray, starts: IntArray) -> float:
 
 
 def held_pieces(
-    t_s: FloatArray, effort: FloatArray, starts: IntArray, interval_s: FloatArray, lasting: int = 2
+    t_s: FloatArray, effort: FloatArray, starts: IntArray, interval_s: FloatArray, lasting: int = STILL_ROWS
 ) -> tuple[Pieces, Pieces]:
     """Each wheel's effort as the simulation sees it: held over a row, cut where an edge fell inside one.
 

@@ -27,7 +27,7 @@ PLAIN_STEPS = 6
 
 
 def covariance(problem: Problem, done: Fit) -> FloatArray:
-    """Of the free numbers, shape (p, p); each variance the widest of the three."""
+    """Of the free numbers, shape (p, p); the widest variances and the other weight's distance."""
     flat = done.residual.flat()
     raw = problem.jacobian(done.theta, done.effects, done.columns)
     jacobian = raw * (CLIP / np.maximum(np.abs(flat), CLIP))[:, None]

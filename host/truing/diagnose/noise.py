@@ -130,7 +130,7 @@ def foretold_doubt(noise: Noise, doubt: FloatArray, lagged: IntArray) -> FloatAr
     doubt : shape (n, 2), m/s, of each row itself.
     """
     beyond = np.concatenate((doubt, np.zeros((1, 2))))  # a row that has no such predecessor has number n
-    return np.asarray(np.einsum("knw,wk->nw", beyond[np.minimum(lagged, len(doubt))], np.abs(noise.lags)))
+    return np.asarray(np.einsum("knw,wk->nw", beyond[lagged], np.abs(noise.lags)))
 
 
 @compiled

@@ -13,6 +13,8 @@ from truing.model.kernel import FloatArray, IntArray
 # stand still to within this share of the difference.
 LEAST_EDGE = 0.01
 STILL_SHARE = 0.05
+# An edge is one between levels that stand still for so many rows.
+STILL_ROWS = 2
 # One that fell nearer to a row's end than this share of the interval fell on it.
 LEAST_PART = 0.02
 
@@ -71,7 +73,7 @@ def excitation(
     supply: FloatArray,
     starts: IntArray,
     interval_s: FloatArray,
-    lasting: int = 2,
+    lasting: int = STILL_ROWS,
 ) -> Excitation:
     """An excitation whose pieces are the intervals, cut where an edge fell inside one.
 

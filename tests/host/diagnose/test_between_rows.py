@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from support.simulated_runs import GAIN, RATE, RICH, TAU, levels, recordings
-from truing.diagnose.between_rows import doubt_of_courses, smoothed, with_courses
+from truing.diagnose import between_rows
+from truing.diagnose.between_rows import doubt_of_courses, with_courses
 from truing.diagnose.data import SetData
 
 FAST_HZ = 2.0
@@ -43,7 +44,7 @@ def test_the_speeds_say_whether_a_quick_effort_was_held(smooth: bool) -> None:
 
 def test_a_smooth_course_keeps_the_mean_of_every_row() -> None:
     data = driven(True)
-    for wheel, pieces in enumerate(smoothed(data, [0]).pieces):
+    for wheel, pieces in enumerate(between_rows.recut(data, between_rows.smooth).pieces):
         width = np.diff(pieces.end_s, prepend=-1.0 / RATE)
         row = np.minimum(np.searchsorted(data.t_s, pieces.end_s - 1e-9), len(data) - 1)
         mean = np.bincount(row, pieces.effort * width) / np.bincount(row, width)
