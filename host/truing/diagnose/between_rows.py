@@ -69,9 +69,7 @@ def doubt_of_courses(data: SetData) -> FloatArray:
 def _joined(one: SetData, other: SetData, runs: IntArray) -> SetData:
     """`one` with these runs' pieces from `other`."""
     taken = np.isin(one.run_of_segment, runs)
-    left, right = (
-        _chosen_pieces(a, b, taken) for a, b in zip(one.pieces, other.pieces, strict=True)
-    )
+    left, right = (_chosen_pieces(a, b, taken) for a, b in zip(one.pieces, other.pieces, strict=True))
     return replace(one, pieces=(left, right))
 
 
@@ -184,9 +182,7 @@ def smooth(end: FloatArray, effort: FloatArray, supply: FloatArray) -> Cut:
     bend = 6.0 * here - 3.0 * (low + high)
     x = cuts[None, :]
     integral = (
-        low[:, None] * x
-        + (high - low)[:, None] * x**2 / 2.0
-        + bend[:, None] * (x**2 / 2.0 - x**3 / 3.0)
+        low[:, None] * x + (high - low)[:, None] * x**2 / 2.0 + bend[:, None] * (x**2 / 2.0 - x**3 / 3.0)
     )
     levels = np.clip(np.diff(integral, axis=1) * PARTS, -1.0, 1.0)
     width = end[varying] - end[varying - 1]
@@ -209,5 +205,3 @@ def _varying(end: FloatArray, effort: FloatArray) -> BoolArray:
     for shift in range(5):
         out[inner] &= usual[shift : len(end) - 4 + shift]
     return out
-
-

@@ -16,7 +16,9 @@ MOST_SPANS = 200
 SPEED_SIGNALS = ("vel_left_mps", "vel_right_mps")
 
 
-def wheel_spans(data: SetData, shape: FloatArray, noise_rms: FloatArray, least: float) -> list[MismatchSpan]:
+def wheel_spans(
+    data: SetData, shape: FloatArray, noise_rms: FloatArray, least: float, covered: float = COVERED
+) -> list[MismatchSpan]:
     """Stretches that hold the energy of a mismatch of the wheels' speeds.
 
     Parameters
@@ -24,6 +26,7 @@ def wheel_spans(data: SetData, shape: FloatArray, noise_rms: FloatArray, least: 
     shape : shape (n, 2), m/s, the mismatch without its noise.
     noise_rms : shape (2,), m/s.
     least : a wheel whose mismatch stays below this many times its noise is left out.
+    covered : share of the energy that the stretches hold.
     """
     energy = shape**2
     total = float(energy.sum())
@@ -31,7 +34,7 @@ def wheel_spans(data: SetData, shape: FloatArray, noise_rms: FloatArray, least: 
     for wheel in range(2):
         if np.sqrt(float(energy[:, wheel].mean())) < least * noise_rms[wheel] or total <= 0.0:
             continue
-        for a, b in _stretches(data, energy[:, wheel]):
+        for a, b in _stretches(data, energy[:, wheel], covered):
             part = float(energy[a:b, wheel].sum())
             spans.append(
                 MismatchSpan(
@@ -50,11 +53,11 @@ def wheel_spans(data: SetData, shape: FloatArray, noise_rms: FloatArray, least: 
     return spans[:MOST_SPANS]
 
 
-def _stretches(data: SetData, energy: FloatArray) -> list[tuple[int, int]]:
-    """The smallest set of rows that holds COVERED of the energy, as stretches within segments."""
+def _stretches(data: SetData, energy: FloatArray, covered: float) -> list[tuple[int, int]]:
+    """The smallest set of rows that holds so much of the energy, as stretches within segments."""
     order = np.argsort(energy)[::-1]
     summed = np.cumsum(energy[order])
-    count = int(np.searchsorted(summed, COVERED * summed[-1])) + 1
+    count = int(np.searchsorted(summed, covered * summed[-1])) + 1
     chosen = np.zeros(len(energy), dtype=bool)
     chosen[order[:count]] = True
     segment = np.repeat(np.arange(len(data.starts) - 1), np.diff(data.starts))

@@ -105,7 +105,7 @@ def reason(search: Search, tried: list[str], structure_of: Callable[[Problem, Fi
 
 def choose(search: Search, base: Fit) -> Fit:
     """The baseline, the best single effect that matters, or the best two that each are needed."""
-    matter = (one for one in search.ranked(1) if accused(search, one, base, LEAST_FIRST))
+    matter = (one for one in search.ranked(1) if accused(search, one, base))
     best = next(matter, base)
     for pair in search.ranked(2)[:MOST_PAIRS_WEIGHED]:
         if needs_both(search, pair):
@@ -137,17 +137,16 @@ def _adds(search: Search, pair: Fit, part: Fit, base: Fit, least: float) -> bool
     bends = any(a > max(LEAST_SECOND, SECOND_SHARE * b) for a, b in zip(more, first, strict=True))
     brought, total = moment_gains(problem, pair, part), moment_gains(problem, pair, base)
     brings = any(
-        float(a.sum()) > max(SURE_GAIN, least * float(b.sum()))
-        for a, b in zip(brought, total, strict=True)
+        float(a.sum()) > max(SURE_GAIN, least * float(b.sum())) for a, b in zip(brought, total, strict=True)
     )
     return bends and brings
 
 
-def accused(search: Search, one: Fit, other: Fit, least: float) -> bool:
+def accused(search: Search, one: Fit, other: Fit) -> bool:
     """Whether `one` is surely and materially better."""
     more = search.better(one, other)
     sure = more.spread > SURE_GAIN or more.gain > LOUD_GAIN
-    return sure and more.times_noise > least
+    return sure and more.times_noise > LEAST_FIRST
 
 
 def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
@@ -162,7 +161,7 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
             continue
         ahead = search.better(best, other)
         close = ahead.spread < RIVAL_GAIN or ahead.times_noise < RIVAL_TIMES
-        named = accused(search, other, base, LEAST_FIRST)
+        named = accused(search, other, base)
         named = named and (len(other.effects) < 2 or needs_both(search, other))
         if close and named and not _only_richer(search, best, other):
             out.append(other)

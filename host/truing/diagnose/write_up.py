@@ -39,6 +39,8 @@ from truing.recording import WHEELS, RecordingSet
 SIGNALS = ("vel_left_mps", "vel_right_mps")
 # A signal whose mismatch is below this many times its noise is no place.
 LEAST_PLACE = 0.15
+# Spans of what nothing explains hold less of it than those of a fitted effect: its tails are guessed.
+LEFT_COVERED = 0.85
 # An unexplained residual is smoothed over so many seconds where less than half of its energy is foretold.
 SMOOTHED_S, MOST_UNTOLD = 0.25, 0.5
 # Events stand out of it by so many times its usual size.
@@ -57,13 +59,13 @@ def write_up(recordings: RecordingSet, reasoning: Reasoning, checks: DataChecks 
         {id(fit): held_out(problem, fit, folds, windows) for fit in _explanations(reasoning)} if named else {}
     )
     unseen_shown = unseen.get(id(shown), unseen_base)
-    spread = covariance(problem, shown)
+    spreads = {id(fit): covariance(problem, fit) for fit in (_explanations(reasoning) if named else [shown])}
     return Diagnosis(
         name=recordings.name,
         verdict=reasoning.verdict,
         runs=data.names,
         fit=_errors(reasoning, shown),
-        effects=_effects(reasoning, unseen_base, unseen) if named else (),
+        effects=_effects(reasoning, unseen_base, unseen, spreads) if named else (),
         mismatch=_places(reasoning),
         not_exercised=not_exercised(data),
         weakly_exercised=weakly_exercised(data),
@@ -74,7 +76,7 @@ def write_up(recordings: RecordingSet, reasoning: Reasoning, checks: DataChecks 
         ranking=_ranking(reasoning),
         noise=_noise(problem),
         splits=_splits(problem, folds, unseen_base, unseen_shown),
-        numbers=_numbers(reasoning, shown, spread),
+        numbers=_numbers(reasoning, shown, spreads[id(shown)]),
         explanations=tuple(
             Explanation(fit.effects, fit.theta, reasoning.confidence)
             for fit in (_explanations(reasoning) if named else [reasoning.base])
@@ -87,12 +89,13 @@ def _explanations(reasoning: Reasoning) -> list[Fit]:
     return [reasoning.best, *reasoning.rivals]
 
 
-def _effects(reasoning: Reasoning, before: HeldOut, after: dict[int, HeldOut]) -> tuple[NamedEffect, ...]:
+def _effects(
+    reasoning: Reasoning, before: HeldOut, after: dict[int, HeldOut], spreads: dict[int, FloatArray]
+) -> tuple[NamedEffect, ...]:
     problem = reasoning.problem
     out: list[NamedEffect] = []
     explanations = _explanations(reasoning)
     for number, done in enumerate(explanations):
-        spread = covariance(problem, done)
         others = [one for one in explanations if one is not done]
         for name in sorted(done.effects, key=lambda name: -_weight(problem, done, name)):
             if any(known.name == name for known in out):
@@ -101,7 +104,7 @@ def _effects(reasoning: Reasoning, before: HeldOut, after: dict[int, HeldOut]) -
                 {rival for one in others if name not in one.effects for rival in one.effects}
                 - set(done.effects)
             )
-            parameters = effect_parameters(problem, done, name, spread)
+            parameters = effect_parameters(problem, done, name, spreads[id(done)])
             scope, wheels = scope_of(name, parameters)
             pose = max(_differences_without(problem, done, name)[:2]) < LEAST_PLACE and len(
                 problem.pose_counted
@@ -199,7 +202,8 @@ def _places(reasoning: Reasoning) -> tuple[MismatchSpan, ...]:
         return ()
     spans: list[MismatchSpan] = []
     if reasoning.verdict == "unexplained":
-        spans += wheel_spans(problem.data, unexplained_shape(reasoning), problem.noise.rms, LEAST_PLACE)
+        shape = unexplained_shape(reasoning)
+        spans += wheel_spans(problem.data, shape, problem.noise.rms, LEAST_PLACE, LEFT_COVERED)
         return tuple(spans)
     for name in reasoning.best.effects:
         bare = without(problem, reasoning.best, name)
