@@ -143,10 +143,16 @@ def _adds(search: Search, pair: Fit, part: Fit, base: Fit, least: float) -> bool
 
 
 def accused(search: Search, one: Fit, other: Fit) -> bool:
-    """Whether `one` is surely and materially better."""
+    """Whether `one` is surely and materially better; what two signals tell by themselves is material."""
     more = search.better(one, other)
     sure = more.spread > SURE_GAIN or more.gain > LOUD_GAIN
-    return sure and more.times_noise > LEAST_FIRST
+    return sure and (more.times_noise > LEAST_FIRST or _told_more(search, one, other))
+
+
+def _told_more(search: Search, one: Fit, other: Fit) -> bool:
+    """Whether recorded signals say it without any model of the robot, in whose noise its size would drown."""
+    told = search.problem.evidence
+    return told(one.effects) - told(other.effects) > SURE_GAIN
 
 
 def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
@@ -160,7 +166,8 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
         if set(other.effects) == set(best.effects):
             continue
         ahead = search.better(best, other)
-        close = ahead.spread < RIVAL_GAIN or ahead.times_noise < RIVAL_TIMES
+        alike = ahead.times_noise < RIVAL_TIMES and not _told_more(search, best, other)
+        close = ahead.spread < RIVAL_GAIN or alike
         named = accused(search, other, base)
         named = named and (len(other.effects) < 2 or needs_both(search, other))
         if close and named and not _only_richer(search, best, other):

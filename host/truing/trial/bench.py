@@ -19,6 +19,7 @@ from truing.diagnose.data import SetData, set_data
 from truing.diagnose.engine import first_look, noise_under
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.problem import Problem
+from truing.diagnose.recorder import with_judged_signal
 from truing.diagnose.search import Search
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.recording import WHEELS, RecordingSet, Run
@@ -66,9 +67,9 @@ class Bench:
             self.truth = Truth(**{name: arrays[name] for name in arrays})
         every = replace(recorded, runs=(*recorded.runs, *later.runs))
         seen = replace(recorded, runs=recorded.runs[:runs])
-        self.all = SetSimulator(set_data(every))
-        self.real = set_data(seen)
-        self.clean = set_data(_clean(seen, self.truth))
+        self.real = with_judged_signal(set_data(seen))
+        self.all = SetSimulator(self._judged_alike(set_data(every)))
+        self.clean = self._judged_alike(set_data(_clean(seen, self.truth)))
         self.judging: BoolArray = np.asarray(self.all.data.run_of_row >= len(recorded.runs))
         self._offset = np.concatenate(([0], np.cumsum([len(run) for run in every.runs])))
         self.simulator = SetSimulator(self.real)
@@ -76,6 +77,12 @@ class Bench:
         self.on_clean = replace(self.on_real, data=self.clean, simulator=SetSimulator(self.clean))
         self.plain = self._plain(self.on_clean)
         self._bases: dict[int, Fit] = {}
+
+    def _judged_alike(self, data: SetData) -> SetData:
+        """The set, its speeds those signals that the diagnosis judged."""
+        if self.real.source != "vel" or data.recorded_vel_mps is None:
+            return data
+        return replace(data, speed_mps=data.recorded_vel_mps, source="vel")
 
     @property
     def names(self) -> tuple[str, ...]:
