@@ -45,13 +45,18 @@ def advantage(problem: Problem, one: Fit, other: Fit) -> Advantage:
 
 
 def moment_gains(problem: Problem, one: Fit, other: Fit) -> tuple[FloatArray, FloatArray]:
-    """Log-likelihood gain of `one` over `other`: of the wheels by moment, of the pose by window."""
+    """Log-likelihood gain of `one` over `other`: of the wheels by moment, of the pose by pair of windows."""
     rows = 0.5 * (_loss(other.residual.wheels) - _loss(one.residual.wheels)).sum(axis=1)
     wheels = np.bincount(row_blocks(problem, MOMENT_S), rows)
     if not len(problem.pose_counted):
         return wheels.astype(float), np.zeros(0)
     windows = 0.5 * (_loss(other.residual.pose) - _loss(one.residual.pose)).sum(axis=1)
-    return wheels.astype(float), windows
+    pose = np.bincount(problem.simulator.pose_runs(POSE_BLOCK_WINDOWS), windows)
+    return wheels.astype(float), pose.astype(float)
+
+
+# A knock, or a slip that no encoder sees, may fall on the border of two windows.
+POSE_BLOCK_WINDOWS = 2
 
 
 def row_blocks(problem: Problem, length_s: float = BLOCK_S) -> IntArray:
