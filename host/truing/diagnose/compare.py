@@ -15,6 +15,8 @@ from truing.model.kernel import FloatArray, IntArray
 BLOCK_S = 2.0
 # A knock against the robot fills a few whitened rows: two neighbours of this length hold it.
 MOMENT_S = 0.5
+# A knock or a slip that no encoder sees may fall on the border of two windows of the pose.
+POSE_BLOCK_WINDOWS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +55,6 @@ def moment_gains(problem: Problem, one: Fit, other: Fit) -> tuple[FloatArray, Fl
     windows = 0.5 * (_loss(other.residual.pose) - _loss(one.residual.pose)).sum(axis=1)
     pose = np.bincount(problem.simulator.pose_runs(POSE_BLOCK_WINDOWS), windows)
     return wheels.astype(float), pose.astype(float)
-
-
-# A knock, or a slip that no encoder sees, may fall on the border of two windows.
-POSE_BLOCK_WINDOWS = 2
 
 
 def row_blocks(problem: Problem, length_s: float = BLOCK_S) -> IntArray:
