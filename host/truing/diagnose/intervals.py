@@ -46,6 +46,7 @@ def covariance(problem: Problem, done: Fit) -> FloatArray:
     variance = float(flat @ flat) / max(int((flat != 0.0).sum()) - len(scale), 1)
     likelihood = bread * max(variance, 0.25)
     variances = np.diag(likelihood) + np.max(between, axis=0) + (scale * _moved(problem, done)) ** 2
+    variances = np.maximum(variances, 0.0)  # of a dead wheel's numbers only rounding is left
     told = np.diag(likelihood) > 0.0
     size = np.sqrt(np.where(told, np.diag(likelihood), 1.0))
     correlation = likelihood / np.outer(size, size) + np.diag(np.where(told, 0.0, 1.0))
