@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from truing.baseline import Baseline, RobotGeometry, WheelModel
 from truing.diagnose.data import SetData, set_data
+from truing.diagnose.simulation.simulator import SetSimulator
 from truing.recording import RecordingSet, Run
 
 Array = NDArray[np.float64]
@@ -72,6 +73,21 @@ def recordings(
 def by_run(data: SetData, columns: Array) -> tuple[Array, ...]:
     """Rows of a whole set, cut into runs."""
     return tuple(columns[data.rows_of(k)] for k in range(data.runs))
+
+
+def noisy_robot(
+    efforts: tuple[Array, ...], effects: dict[str, dict[str, float]], noise_mps: float, seed: int
+) -> SetData:
+    """Recordings of a robot that is exactly the catalogue's effects with these numbers, and white noise."""
+    still = recordings(efforts)
+    simulator = SetSimulator(still)
+    theta = simulator.start().copy()
+    for effect, numbers in effects.items():
+        for name, value in numbers.items():
+            theta[simulator.layout.index(f"{effect}.{name}")] = value
+    speeds = simulator.speeds(theta, simulator.enabled(tuple(effects)))
+    noise = np.random.default_rng(seed).normal(0.0, noise_mps, speeds.shape)
+    return recordings(efforts, by_run(still, speeds + noise))
 
 
 Force = Callable[[float, Array, Array], Array]

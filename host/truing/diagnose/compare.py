@@ -11,6 +11,9 @@ from truing.diagnose.fit import Fit
 from truing.diagnose.problem import CLIP, Problem
 from truing.model.kernel import FloatArray, IntArray
 
+# An advantage is sure beyond this many nats, also without the moment that speaks for it most. With 27
+# effects of up to four numbers tried, 10 nats come by chance less than once in a thousand sets.
+SURE_GAIN = 10.0
 # Residuals closer together than this share a block: what correlation the whitening leaves stays inside.
 BLOCK_S = 2.0
 # A knock against the robot fills a few whitened rows: two neighbours of this length hold it.
@@ -55,6 +58,17 @@ def moment_gains(problem: Problem, one: Fit, other: Fit) -> tuple[FloatArray, Fl
     windows = 0.5 * (_loss(other.residual.pose) - _loss(one.residual.pose)).sum(axis=1)
     pose = np.bincount(problem.simulator.pose_runs(POSE_BLOCK_WINDOWS), windows)
     return wheels.astype(float), pose.astype(float)
+
+
+def run_gains(problem: Problem, one: Fit, other: Fit) -> FloatArray:
+    """Log-likelihood gain of `one` over `other` in each run, shape (runs,), wheels and pose together."""
+    runs = problem.data.runs
+    rows = 0.5 * (_loss(other.residual.wheels) - _loss(one.residual.wheels)).sum(axis=1)
+    gains = np.bincount(problem.data.run_of_row, rows, runs)
+    if len(problem.pose_counted):
+        windows = 0.5 * (_loss(other.residual.pose) - _loss(one.residual.pose)).sum(axis=1)
+        gains += np.bincount(problem.simulator.windows(problem.data.pose_horizon_s).run, windows, runs)
+    return np.asarray(gains, dtype=np.float64)
 
 
 def row_blocks(problem: Problem, length_s: float = BLOCK_S) -> IntArray:

@@ -26,6 +26,8 @@ from truing.model.kernel import FloatArray, IntArray
 LEAST_RUNS, WHOLE_RUN = 6, 1_000_000
 # The numbers under another weight are near: so many steps find them.
 PLAIN_STEPS = 6
+# A 95 % interval ends at so many standard deviations; chance makes so many times a row's misfit beyond it.
+QUANTILE, CHANCE = float(stats.norm.ppf(0.975)), float(stats.chi2.ppf(0.95, 1))
 # A number is walked outward in steps that double, from its interval's end to so many times as far.
 WALK = 2.0 ** np.arange(9)
 
@@ -38,14 +40,9 @@ def covariance(problem: Problem, done: Fit) -> FloatArray:
     scale = np.sqrt(np.maximum(np.sum(jacobian**2, axis=0), 1e-12))
     unit = jacobian / scale
     bread = np.linalg.pinv(unit.T @ unit, rcond=1e-10)
-    pieces = unit * flat[:, None]
-    between = [_sandwich(bread, pieces, _clusters(problem, row_blocks(problem), 1))]
-    if problem.data.runs >= LEAST_RUNS:
-        runs = problem.data.run_of_row.astype(np.int64)
-        between.append(_sandwich(bread, pieces, _clusters(problem, runs, WHOLE_RUN)))
-    variance = float(flat @ flat) / max(int((flat != 0.0).sum()) - len(scale), 1)
-    likelihood = bread * max(variance, 0.25)
-    variances = np.diag(likelihood) + np.max(between, axis=0) + (scale * _moved(problem, done)) ** 2
+    likelihood = bread * max(_row_misfit(done, flat), 0.25)
+    between = _between(problem, bread, unit * flat[:, None])
+    variances = np.diag(likelihood) + between + (scale * _moved(problem, done)) ** 2
     variances = np.maximum(variances, 0.0)  # of a dead wheel's numbers only rounding is left
     told = np.diag(likelihood) > 0.0
     size = np.sqrt(np.where(told, np.diag(likelihood), 1.0))
@@ -57,6 +54,20 @@ def covariance(problem: Problem, done: Fit) -> FloatArray:
     return np.asarray(correlation * np.outer(deviation, deviation))
 
 
+def _row_misfit(done: Fit, flat: FloatArray) -> float:
+    """Squared residual per row that counts, of one that the numbers do not follow."""
+    return float(flat @ flat) / max(int((flat != 0.0).sum()) - done.size, 1)
+
+
+def _between(problem: Problem, bread: FloatArray, pieces: FloatArray) -> FloatArray:
+    """Variances (p,) that blocks of time show or, of enough runs, whole runs: the larger."""
+    between = [_sandwich(bread, pieces, _clusters(problem, row_blocks(problem), 1))]
+    if problem.data.runs >= LEAST_RUNS:
+        runs = problem.data.run_of_row.astype(np.int64)
+        between.append(_sandwich(bread, pieces, _clusters(problem, runs, WHOLE_RUN)))
+    return np.asarray(np.max(between, axis=0))
+
+
 def _moved(problem: Problem, done: Fit) -> FloatArray:
     """How far, in standard deviations' units (p,), the numbers go when the noise is taken for white.
 
@@ -66,7 +77,7 @@ def _moved(problem: Problem, done: Fit) -> FloatArray:
     plain = replace(problem.noise, lags=np.zeros_like(problem.noise.lags), sigma=problem.noise.rms)
     other = fit(problem.with_noise(plain), done.effects, done.theta, iterations=PLAIN_STEPS)
     entries = [column.entries[0] for column in done.columns]
-    return np.asarray((other.theta[entries] - done.theta[entries]) / stats.norm.ppf(0.975))
+    return np.asarray((other.theta[entries] - done.theta[entries]) / QUANTILE)
 
 
 def _no_parabola(problem: Problem, done: Fit, likelihood: FloatArray, told: BoolArray) -> FloatArray:
@@ -79,7 +90,7 @@ def _no_parabola(problem: Problem, done: Fit, likelihood: FloatArray, told: Bool
         if "." not in column.name or not told[k]:
             continue
         along = likelihood[:, k] / likelihood[k, k]
-        end = float(stats.norm.ppf(0.975)) * math.sqrt(float(likelihood[k, k]))
+        end = QUANTILE * math.sqrt(float(likelihood[k, k]))
         both = [_walk(problem, done, k, way * end * along) for way in (-1.0, 1.0)]
         farther[k] = max(*both, 1.0)
     return farther
@@ -88,8 +99,7 @@ def _no_parabola(problem: Problem, done: Fit, likelihood: FloatArray, told: Bool
 def _walk(problem: Problem, done: Fit, k: int, step: FloatArray) -> float:
     """How many times `step` (p,) the numbers may move: until chance allows no more misfit, or k's bound."""
     reached = 0.0
-    free = (done.residual.flat() != 0.0).sum()
-    limit = float(stats.chi2.ppf(0.95, 1)) * done.cost / max(int(free) - done.size, 1)
+    limit = CHANCE * _row_misfit(done, done.residual.flat())
     for times in WALK:
         theta = done.theta.copy()
         for column, change in zip(done.columns, times * step, strict=True):
@@ -120,7 +130,7 @@ def _sandwich(bread: FloatArray, pieces: FloatArray, cluster: IntArray) -> Float
     scores = np.zeros((int(cluster.max()) + 1, pieces.shape[1]))
     np.add.at(scores, cluster, pieces)
     count = max(int(np.any(scores != 0.0, axis=1).sum()), 2)
-    wider = (stats.t.ppf(0.975, count - 1) / stats.norm.ppf(0.975)) ** 2 * count / (count - 1.0)
+    wider = (stats.t.ppf(0.975, count - 1) / QUANTILE) ** 2 * count / (count - 1.0)
     return np.asarray(np.diag(bread @ (scores.T @ scores) @ bread) * wider)
 
 
@@ -130,7 +140,6 @@ def effect_parameters(
     """The contract's parameters of one effect with their intervals (delta method)."""
     simulator = problem.simulator
     units = simulator.units(name)
-    quantile = float(stats.norm.ppf(0.975))
     centre = simulator.report(name, done.theta)
     slopes: dict[str, FloatArray] = {key: np.zeros(done.size) for key in centre}
     for k, column in enumerate(done.columns):
@@ -142,6 +151,6 @@ def effect_parameters(
     out = {}
     for key, value in centre.items():
         variance = float(slopes[key] @ spread @ slopes[key])
-        half = quantile * math.sqrt(max(variance, 0.0))
+        half = QUANTILE * math.sqrt(max(variance, 0.0))
         out[key] = EffectParameter(value, (value - half, value + half), units.get(key, "1"))
     return out

@@ -15,6 +15,13 @@ from truing.diagnose.effects.speed_filter import told_apart
 
 def with_judged_signal(data: SetData) -> SetData:
     """The set, its speeds those of the recorder where they lag its own counts."""
-    if data.source == "vel" or data.recorded_vel_mps is None or not told_apart(data):
+    if data.source == "vel" or not told_apart(data):
+        return data
+    return in_recorders_speeds(data)
+
+
+def in_recorders_speeds(data: SetData) -> SetData:
+    """The set, its speeds those of the recorder where it has any."""
+    if data.recorded_vel_mps is None:
         return data
     return replace(data, speed_mps=data.recorded_vel_mps, source="vel")

@@ -14,36 +14,27 @@ import numpy as np
 
 from truing.diagnose.adequacy import Structure, find_bursts
 from truing.diagnose.catalogue import CATALOGUE
-from truing.diagnose.compare import differences, moment_gains
+from truing.diagnose.compare import SURE_GAIN
 from truing.diagnose.data import BoolArray
 from truing.diagnose.fit import Fit, judge
+from truing.diagnose.pairs import doubted_second, needs_both, surely_both
 from truing.diagnose.problem import CLIP, LEAST_COUNTS, Problem
 from truing.diagnose.result import Verdict
 from truing.diagnose.search import Search
 
-# An effect is accused beyond this many nats, also without the moment that speaks for it most. With 27
-# effects of up to four numbers tried, 10 nats come by chance less than once in a thousand sets.
-SURE_GAIN = 10.0
 # A moment is evidence where it says this much: no knock is told so well by numbers that say nothing
 # everywhere else. What the numbers leave of it is weighed as any other rest.
 LOUD_GAIN = 150.0
 LEAST_FIRST = 0.25
-# A second effect must be worth more: a first one that is finer than its equation leaves a remainder. In
-# some signal it bends the model by this much of the noise and of what the first bends, and brings this
-# share of the log-likelihood; or that one, where it explains little by itself.
-LEAST_SECOND, SECOND_SHARE, SECOND_GAIN, LONE_GAIN = 0.3, 0.15, 0.03, 0.3
-# Two effects that are both there each explain by themselves about what they add to the other; one that mends
-# the other's equation does not. Share of the first that the second is.
-ALONE = 0.2
 # Another explanation is a rival unless it is worse by this much.
 RIVAL_GAIN, RIVAL_TIMES = 6.0, 0.15
 # A doubt between more names than this helps nobody: of many rivals the best are told.
 MOST_NAMED, MOST_PAIRS_WEIGHED = 3, 5
 # What a flexible model still foretells is unexplained beyond these: RMS over noise, standard errors of the
 # share (or so many of the runs in which it foretells at all: a few loud ones make the error large), share
-# (in RMS) of what was explained.
+# (in RMS, of one effect; the remainders of two add up) of what was explained.
 LEFT_RUNS = 0.75
-LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.33, 2.5, 0.4
+LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.33, 2.5, 0.3
 # What is left, foretold or in moments that no noise makes, is unexplained also where it holds this share
 # of a wheel's residual energy and the accused effects took away less than a few times as much.
 LEAST_FORETOLD, LEAST_BURSTS, LEFT_OF_EXPLAINED = 0.06, 0.12, 0.4
@@ -52,6 +43,8 @@ LEAST_FORETOLD, LEAST_BURSTS, LEFT_OF_EXPLAINED = 0.06, 0.12, 0.4
 MOST_BURST_ROWS, ABOVE_REST, LEAST_WEIGHT = 0.1, 5.0, 0.5
 # A residual is more than rounding above this many times rounding's own RMS.
 ABOVE_ROUNDING = 1.2
+# Confidence in an explanation that is as good with an effect less.
+EVEN = 0.5
 # The baseline's numbers are off beyond this RMS over noise.
 OFF_TIMES = 0.15
 
@@ -100,7 +93,10 @@ def reason(search: Search, tried: list[str], structure_of: Callable[[Problem, Fi
         off = search.better(base, given)
         moved = off.gain > SURE_GAIN and off.times_noise > OFF_TIMES
         verdict = "parameters_only" if moved else "consistent"
-    return Reasoning(search, verdict, given, base, best, rivals, left, tuple(tried), confidence(search, best))
+    sure = confidence(search, best)
+    if any(len(rival.effects) < len(best.effects) for rival in rivals):
+        sure = min(sure, EVEN)  # whether all of its effects are there is open
+    return Reasoning(search, verdict, given, base, best, rivals, left, tuple(tried), sure)
 
 
 def choose(search: Search, base: Fit) -> Fit:
@@ -111,35 +107,6 @@ def choose(search: Search, base: Fit) -> Fit:
         if needs_both(search, pair):
             return pair
     return best
-
-
-def needs_both(search: Search, pair: Fit) -> bool:
-    """Whether neither part of a pair, nor any other single effect, does what the pair does."""
-    base = search.fits[()]
-    alone = [search.fits[(name,)] for name in pair.effects if (name,) in search.fits]
-    least = SECOND_GAIN if all(_stands(search, pair, name) for name in pair.effects) else LONE_GAIN
-    return all(_adds(search, pair, part, base, least) for part in (*alone, search.ranked(1)[0]))
-
-
-def _stands(search: Search, pair: Fit, name: str) -> bool:
-    """Whether a part of a pair explains by itself what it adds to the other part, more or less."""
-    one = search.alone(name, pair)
-    other = search.alone(next(each for each in pair.effects if each != name), pair)
-    added = search.better(pair, other).gain
-    return search.better(one, search.fits[()]).spread > max(SURE_GAIN, ALONE * added)
-
-
-def _adds(search: Search, pair: Fit, part: Fit, base: Fit, least: float) -> bool:
-    problem = search.problem
-    if search.better(pair, part).spread <= SURE_GAIN:
-        return False
-    more, first = differences(problem, pair, part), differences(problem, part, base)
-    bends = any(a > max(LEAST_SECOND, SECOND_SHARE * b) for a, b in zip(more, first, strict=True))
-    brought, total = moment_gains(problem, pair, part), moment_gains(problem, pair, base)
-    brings = any(
-        float(a.sum()) > max(SURE_GAIN, least * float(b.sum())) for a, b in zip(brought, total, strict=True)
-    )
-    return bends and brings
 
 
 def accused(search: Search, one: Fit, other: Fit) -> bool:
@@ -172,6 +139,8 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
         named = named and (len(other.effects) < 2 or needs_both(search, other))
         if close and named and not _only_richer(search, best, other):
             out.append(other)
+    if len(best.effects) > 1 and not surely_both(search, best):
+        out += [one for one in doubted_second(search, best) if all(one is not each for each in out)]
     return _told(best, out)
 
 
@@ -211,7 +180,8 @@ def remains(left: Structure, best: Fit, base: Fit) -> bool:
     """Whether structure is left that matters, beside the noise and beside what was explained."""
     after = (best.residual.wheels**2).mean(axis=0)
     explained = float(np.max((base.residual.wheels**2).mean(axis=0) - after))
-    matters = (left.times_noise > LEFT_TIMES) & (left.share * after > LEFT_SHARE**2 * explained)
+    finer = LEFT_SHARE**2 * max(len(best.effects), 1) * explained
+    matters = (left.times_noise > LEFT_TIMES) & (left.share * after > finer)
     return bool(np.any(foretells(left) & matters))
 
 

@@ -63,6 +63,11 @@ def headline(diagnosis: Diagnosis) -> str:
         titles = joined([effect_title(effect.name) for effect in diagnosis.effects])
         where = _wheel_words(diagnosis.effects[0].scope) if len(diagnosis.effects) == 1 else ""
         return f"Missing from the simulation{where}: {titles}{_sure(diagnosis.confidence)}."
+    if verdict == "ambiguous" and (second := doubted_second(diagnosis)):
+        first, others = effect_title(second[0]), joined([effect_title(name) for name in second[1]], "or")
+        return (
+            f"Missing from the simulation: {first}; perhaps also {others}, which may only mend its equation."
+        )
     if verdict == "ambiguous":
         options = [" with ".join(map(effect_title, names)) for names in alternatives(diagnosis)]
         mark = ";" if any(" with " in option for option in options) else ","
@@ -80,6 +85,15 @@ def alternatives(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
     if len(groups) < 2:
         return [(effect.name,) for effect in diagnosis.effects]
     return [tuple(names) for names in groups.values()]
+
+
+def doubted_second(diagnosis: Diagnosis) -> tuple[str, list[str]] | None:
+    """The effect that is in every explanation and is one by itself, and what may be there beside it."""
+    options = alternatives(diagnosis)
+    alone = [names[0] for names in options if len(names) == 1]
+    if len(alone) != 1 or any(alone[0] not in names for names in options):
+        return None
+    return alone[0], [name for names in options for name in names if name != alone[0]]
 
 
 def effect_lines(diagnosis: Diagnosis) -> list[str]:

@@ -45,6 +45,8 @@ LEFT_COVERED = 0.85
 SMOOTHED_S, MOST_UNTOLD = 0.25, 0.5
 # Events stand out of it by so many times its usual size.
 EVENT_TIMES = 3.0
+# Nothing is surer than this.
+MOST_SURE = 0.99
 
 
 def write_up(recordings: RecordingSet, reasoning: Reasoning, checks: DataChecks | None = None) -> Diagnosis:
@@ -52,20 +54,17 @@ def write_up(recordings: RecordingSet, reasoning: Reasoning, checks: DataChecks 
     problem, data = reasoning.problem, reasoning.problem.data
     folds = folds_of(data)
     windows = pose_folds(problem, folds)
-    named = reasoning.verdict in ("missing_physics", "ambiguous")
-    shown = reasoning.best if named else reasoning.base
-    unseen_base = held_out(problem, reasoning.base, folds, windows)
-    unseen = (
-        {id(fit): held_out(problem, fit, folds, windows) for fit in _explanations(reasoning)} if named else {}
-    )
-    unseen_shown = unseen.get(id(shown), unseen_base)
-    spreads = {id(fit): covariance(problem, fit) for fit in (_explanations(reasoning) if named else [shown])}
+    explanations = _explanations(reasoning)
+    shown = explanations[0]
+    every = {id(done): done for done in (reasoning.base, *explanations)}
+    unseen = {key: held_out(problem, done, folds, windows) for key, done in every.items()}
+    spreads = {id(done): covariance(problem, done) for done in explanations}
     return Diagnosis(
         name=recordings.name,
         verdict=reasoning.verdict,
         runs=data.names,
         fit=_errors(reasoning, shown),
-        effects=_effects(reasoning, unseen_base, unseen, spreads) if named else (),
+        effects=_effects(reasoning, unseen, spreads),
         mismatch=_places(reasoning),
         not_exercised=not_exercised(data),
         weakly_exercised=weakly_exercised(data),
@@ -75,24 +74,26 @@ def write_up(recordings: RecordingSet, reasoning: Reasoning, checks: DataChecks 
         checks=() if checks is None else checks.checks,
         ranking=_ranking(reasoning),
         noise=_noise(problem),
-        splits=_splits(problem, folds, unseen_base, unseen_shown),
+        splits=_splits(problem, folds, unseen[id(reasoning.base)], unseen[id(shown)]),
         numbers=_numbers(reasoning, shown, spreads[id(shown)]),
         explanations=tuple(
-            Explanation(fit.effects, fit.theta, reasoning.confidence)
-            for fit in (_explanations(reasoning) if named else [reasoning.base])
+            Explanation(done.effects, done.theta, reasoning.confidence) for done in explanations
         ),
         traces=_traces(reasoning, shown),
     )
 
 
 def _explanations(reasoning: Reasoning) -> list[Fit]:
-    return [reasoning.best, *reasoning.rivals]
+    """What the answer stands by, the best first: the refitted baseline where no effect is named."""
+    if reasoning.verdict in ("missing_physics", "ambiguous"):
+        return [reasoning.best, *reasoning.rivals]
+    return [reasoning.base]
 
 
 def _effects(
-    reasoning: Reasoning, before: HeldOut, after: dict[int, HeldOut], spreads: dict[int, FloatArray]
+    reasoning: Reasoning, held: dict[int, HeldOut], spreads: dict[int, FloatArray]
 ) -> tuple[NamedEffect, ...]:
-    problem = reasoning.problem
+    problem, before = reasoning.problem, held[id(reasoning.base)]
     out: list[NamedEffect] = []
     explanations = _explanations(reasoning)
     for number, done in enumerate(explanations):
@@ -100,16 +101,14 @@ def _effects(
         for name in sorted(done.effects, key=lambda name: -_weight(problem, done, name)):
             if any(known.name == name for known in out):
                 continue
-            alternatives = sorted(
-                {rival for one in others if name not in one.effects for rival in one.effects}
-                - set(done.effects)
-            )
+            without_it = {rival for one in others if name not in one.effects for rival in one.effects}
+            alternatives = sorted(without_it - set(done.effects) or without_it)
             parameters = effect_parameters(problem, done, name, spreads[id(done)])
             scope, wheels = scope_of(name, parameters)
             pose = max(_differences_without(problem, done, name)[:2]) < LEAST_PLACE and len(
                 problem.pose_counted
             )
-            unseen = after[id(done)]
+            unseen = held[id(done)]
             errors = (
                 (pose_rmse(problem, before.pose), pose_rmse(problem, unseen.pose))
                 if pose
@@ -120,9 +119,7 @@ def _effects(
                     name,
                     scope,
                     parameters,
-                    reasoning.confidence
-                    if number == 0
-                    else (1.0 - reasoning.confidence) / max(len(others), 1),
+                    _confidence(reasoning, explanations, name),
                     *errors,
                     indistinguishable_from=tuple(alternatives),
                     domain="pose" if pose else "wheel",
@@ -131,6 +128,14 @@ def _effects(
                 )
             )
     return tuple(out)
+
+
+def _confidence(reasoning: Reasoning, explanations: list[Fit], name: str) -> float:
+    """That an effect is there: the confidence of the explanations that have it."""
+    others = explanations[1:]
+    share = (1.0 - reasoning.confidence) / max(len(others), 1)
+    first = reasoning.confidence if name in explanations[0].effects else 0.0
+    return min(first + share * sum(name in one.effects for one in others), MOST_SURE)
 
 
 def _weight(problem: Problem, done: Fit, name: str) -> float:

@@ -19,7 +19,7 @@ from truing.diagnose.data import SetData, set_data
 from truing.diagnose.engine import first_look, noise_under
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.problem import Problem
-from truing.diagnose.recorder import with_judged_signal
+from truing.diagnose.recorder import in_recorders_speeds, with_judged_signal
 from truing.diagnose.search import Search
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.recording import WHEELS, RecordingSet, Run
@@ -80,9 +80,7 @@ class Bench:
 
     def _judged_alike(self, data: SetData) -> SetData:
         """The set, its speeds those signals that the diagnosis judged."""
-        if self.real.source != "vel" or data.recorded_vel_mps is None:
-            return data
-        return replace(data, speed_mps=data.recorded_vel_mps, source="vel")
+        return in_recorders_speeds(data) if self.real.source == "vel" else data
 
     @property
     def names(self) -> tuple[str, ...]:

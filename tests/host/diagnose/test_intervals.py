@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from support.simulated_runs import RICH, by_run, levels, recordings
+from support.simulated_runs import RICH, levels, noisy_robot
 from truing.diagnose.data import SetData
 from truing.diagnose.engine import first_look, noise_under
 from truing.diagnose.fit import Fit, fit
@@ -16,20 +16,12 @@ from truing.diagnose.simulation.simulator import SetSimulator
 
 NOISE_MPS = 0.004
 EIGHT_RUNS = tuple(0.05 * k + (1.0 - 0.1 * k) * run for k in range(4) for run in RICH)
-# Two long rests in the middle: nothing tells when in them a load was put down.
+# A long rest in the middle: nothing tells when in it a load was put down.
 RESTING = (*EIGHT_RUNS[:4], levels((0.0, 0.0), seconds=8.0), *EIGHT_RUNS[4:])
 
 
 def robot(efforts: tuple[np.ndarray, ...], effect: str, numbers: dict[str, float], seed: int) -> SetData:
-    """Recordings of a robot with an effect and white noise."""
-    still = recordings(efforts)
-    simulator = SetSimulator(still)
-    theta = simulator.start().copy()
-    for name, value in numbers.items():
-        theta[simulator.layout.index(f"{effect}.{name}")] = value
-    speeds = simulator.speeds(theta, simulator.enabled((effect,)))
-    noise = np.random.default_rng(seed).normal(0.0, NOISE_MPS, speeds.shape)
-    return recordings(efforts, by_run(still, speeds + noise))
+    return noisy_robot(efforts, {effect: numbers}, NOISE_MPS, seed)
 
 
 def fitted(data: SetData, effect: str, near: dict[str, float]) -> tuple[Problem, Fit]:

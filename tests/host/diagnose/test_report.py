@@ -14,7 +14,7 @@ from support import diagnoses
 from support.recorded_sets import recordings
 from truing.diagnose.report import render_report, save_report
 from truing.diagnose.report_cells import benjamini_hochberg, locate
-from truing.diagnose.result import Diagnosis, EffectParameter, MismatchSpan
+from truing.diagnose.result import Diagnosis, EffectParameter, Explanation, MismatchSpan
 from truing.diagnose.words import headline, place_lines, sections, value_text
 
 MAKERS = [
@@ -68,6 +68,15 @@ def test_effects_that_act_together_are_one_alternative() -> None:
     )
     text = headline(replace(diagnoses.ambiguous(), effects=both))
     assert "dry friction with a dead band in the motor driver; or a delay" in text
+
+
+def test_a_second_effect_in_doubt_is_said_beside_the_first_which_is_not() -> None:
+    explanations = tuple(
+        Explanation(names, np.zeros(4)) for names in (("wheel_slip", "gear_backlash"), ("wheel_slip",))
+    )
+    text = headline(replace(diagnoses.ambiguous(), explanations=explanations))
+    assert text.startswith("Missing from the simulation: ")
+    assert "perhaps also" in text
 
 
 def test_places_of_one_kind_are_told_together() -> None:
