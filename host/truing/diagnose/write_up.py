@@ -32,7 +32,7 @@ from truing.diagnose.result import (
     WheelNumbers,
 )
 from truing.diagnose.traces import RunTraces
-from truing.diagnose.verdict import Reasoning, foretells
+from truing.diagnose.verdict import LEAST_FORETOLD, Reasoning, foretells
 from truing.model.kernel import FloatArray, IntArray
 from truing.recording import WHEELS, RecordingSet
 
@@ -41,10 +41,11 @@ SIGNALS = ("vel_left_mps", "vel_right_mps")
 LEAST_PLACE = 0.15
 # Spans of what nothing explains hold less of it than those of a fitted effect: its tails are guessed.
 LEFT_COVERED = 0.85
-# An unexplained residual is smoothed over so many seconds where less than half of its energy is foretold.
-SMOOTHED_S, MOST_UNTOLD = 0.25, 0.5
-# Events stand out of it by so many times its usual size.
-EVENT_TIMES = 3.0
+# What a flexible model foretells is the mismatch where that is this share of a residual's energy; where it is
+# less, the residual smoothed over so many seconds.
+MOSTLY_FORETOLD, SMOOTHED_S = 0.25, 0.25
+# Events stand out of a residual by so many times its usual size, and hold this share of its energy.
+EVENT_TIMES, EVENTFUL = 3.0, 0.5
 # Nothing is surer than this.
 MOST_SURE = 0.99
 
@@ -221,7 +222,7 @@ def _places(reasoning: Reasoning) -> tuple[MismatchSpan, ...]:
 def unexplained_shape(reasoning: Reasoning) -> FloatArray:
     """What stands out of the baseline's residual, shape (n, 2), m/s.
 
-    What a flexible model foretells where that is most of it; otherwise its own moving mean, or the events
+    What a flexible model foretells where that is much of it; otherwise its own moving mean, or the events
     that hold most of that: what comes when it likes is foretold by nothing. A wheel with neither is left out.
     """
     from truing.diagnose.engine import structure_of
@@ -229,13 +230,12 @@ def unexplained_shape(reasoning: Reasoning) -> FloatArray:
     problem, base = reasoning.problem, reasoning.base
     found = structure_of(problem, base)
     residual = np.where(problem.counted > 0.0, problem.data.speed_mps - base.residual.speeds, 0.0)
-    told = ((residual - found.foretold) ** 2).sum(axis=0) < MOST_UNTOLD * (residual**2).sum(axis=0)
-    sure = foretells(found)
+    known = foretells(found) & (found.share > LEAST_FORETOLD)
     smooth = _moving_mean(problem.data, residual)
     loud = _events(smooth)
-    eventful = (loud**2).sum(axis=0) > MOST_UNTOLD * (smooth**2).sum(axis=0)
-    shape = np.where(eventful, loud, np.where(sure, smooth, 0.0))
-    shape = np.where(sure & told, found.foretold, shape)
+    eventful = (loud**2).sum(axis=0) > EVENTFUL * (smooth**2).sum(axis=0)
+    shape = np.where(eventful, loud, np.where(known, smooth, 0.0))
+    shape = np.where(known & (found.share > MOSTLY_FORETOLD), found.foretold, shape)
     return shape if shape.any() else smooth
 
 
