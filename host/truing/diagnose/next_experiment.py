@@ -1,9 +1,10 @@
 """The run that would tell explanations apart: both are simulated over a library of safe drives.
 
-For every drive the rival is refitted to what the other explanation predicts, on the drive and on the
-recordings that exist (linearised first, by Gauss-Newton steps for the best few), so that only a difference
-that no other choice of its numbers can hide counts (Box & Hill 1967; Atkinson & Fedorov 1975). The drive with
-the largest smallest difference wins; of drives about as good, the shortest.
+Compared are the wheels' speeds and, where an outside reference was logged, the pose over short windows. For
+every drive the rival is refitted to what the other explanation predicts, on the drive and on the recordings
+that exist (linearised first, by Gauss-Newton steps for the best few), so that only a difference that no other
+choice of its numbers can hide counts (Box & Hill 1967; Atkinson & Fedorov 1975). The drive with the largest
+smallest difference wins; of drives about as good, the shortest.
 """
 
 from __future__ import annotations
@@ -16,12 +17,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truing.diagnose.data import BoolArray, SetData, set_data
-from truing.diagnose.problem import Column, base_columns, effect_columns
+from truing.diagnose.pose_windows import GYRO
+from truing.diagnose.pose_windows import SIGNALS as POSE
+from truing.diagnose.problem import Column, base_columns, effect_columns, moves_pose
 from truing.diagnose.profiles import Limits, Profile, Robot, candidates
 from truing.diagnose.result import Explanation, NextExperiment, SignalNoise
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.diagnose.words import effect_title, joined
 from truing.identify.levenberg import minimise
+from truing.model.kernel import IntArray
 from truing.plan import Plan
 from truing.recording import MOTION_PAIRS, WHEELS, FloatArray, RecordingSet, Run
 
@@ -36,16 +40,21 @@ AS_GOOD = 0.85
 PRIOR_SHARE = 0.5
 # A rival that reproduces the other on every drive, to this share of what the other misses, contains it.
 CONTAINED = 0.02
+# Two explanations that no drive parts by this much are left to a ruler; the drive is chosen for the others.
+HOPELESS = 0.5
 LEAST_FLOOR_M = 2.0
 DEFAULT_WHEELBASE_M = 0.3
 
 
 @dataclass(frozen=True)
 class _Model:
-    """One explanation on one set of runs: what it predicts (n, 2), and its slopes (n, 2, p)."""
+    """One explanation on one set of runs: what it predicts (k,), and its slopes (k, p).
+
+    The k values are the wheels' speeds row by row, then forward, lateral and turn of each window of the pose.
+    """
 
     columns: tuple[Column, ...]
-    speeds: FloatArray
+    values: FloatArray
     slopes: FloatArray
 
 
@@ -60,7 +69,7 @@ def propose(
     Parameters
     ----------
     explanations : two or more, fitted to `recordings`.
-    noise : of the wheels' speeds in these recordings.
+    noise : of the wheels' speeds in these recordings, and of the pose where they have one.
     limits : None: full effort, and the floor that the recordings themselves used (2 m at least).
     """
     if len(explanations) < 2:
@@ -80,7 +89,8 @@ def propose(
     chosen = min(good, key=lambda k: (library[k][1].duration_s, -refined[k]))
     profile, plan = library[chosen]
     separates = tuple(one.effects for one in explanations)
-    return NextExperiment(plan, separates, refined[chosen], _why(profile, explanations, refined[chosen]))
+    why = _why(profile, explanations, refined[chosen]) + _left_to_a_ruler(explanations, judge.hopeless)
+    return NextExperiment(plan, separates, refined[chosen], why)
 
 
 def reach(data: SetData) -> float:
@@ -99,6 +109,20 @@ def _why(profile: Profile, explanations: Sequence[Explanation], score: float) ->
         )
     again = "" if score >= CLEAR else ", so drive it two or three times"
     return f"It tells {names}: {_known_for(explanations) or profile.shows}; {expected}{again}"
+
+
+def _left_to_a_ruler(explanations: Sequence[Explanation], hopeless: set[tuple[int, int]]) -> str:
+    """What is said of explanations that no drive tells apart."""
+    from truing.diagnose.catalogue import CATALOGUE
+
+    said = []
+    for first, second in sorted(pair for pair in hopeless if pair[0] < pair[1] and pair[::-1] in hopeless):
+        one, other = explanations[first].effects, explanations[second].effects
+        names = [name for name in one if name not in other] + [name for name in other if name not in one]
+        text = f"no drive tells {joined([effect_title(name) for name in names], 'from')}"
+        hint = CATALOGUE[names[0]].separated_by.get(names[-1], "") if len(names) == 2 else ""
+        said.append(f"{text} ({hint})" if hint else text)
+    return "".join(f"; {text}" for text in said)
 
 
 def _known_for(explanations: Sequence[Explanation]) -> str:
@@ -122,9 +146,11 @@ class _Judge:
         self.recordings = recordings
         self.noise = {entry.signal: entry for entry in noise}
         self.known = SetSimulator(set_data(recordings))
+        self.horizon_s = self.known.data.pose_horizon_s
         # Pairs (truth, rival) in which the rival holds the truth as a special case: no run refutes it, and
-        # its extra number is seen to vanish instead.
+        # its extra number is seen to vanish instead. And pairs that no drive tells apart either way.
         self.contained: set[tuple[int, int]] = set()
+        self.hopeless: set[tuple[int, int]] = set()
 
     def robot(self) -> Robot:
         """What the library needs to know of the robot."""
@@ -136,14 +162,13 @@ class _Judge:
     def linearised(self, plans: Sequence[Plan]) -> FloatArray:
         """Smallest whitened difference for each drive, shape (plans,); all are simulated in one go."""
         simulator = self._simulator(plans)
-        weights = self._weights(simulator.data)
-        drive = simulator.data.run_of_row - len(self.recordings)
+        weights, drive = self._weights(simulator), self._drive(simulator)
         models = [self._model(simulator, one) for one in self.explanations]
         squares: dict[tuple[int, int], FloatArray] = {}
         for pair in itertools.permutations(range(len(models)), 2):
             truth, rival = models[pair[0]], models[pair[1]]
-            gap = weights * (truth.speeds - rival.speeds)
-            slopes = weights[:, :, None] * rival.slopes
+            gap = weights * (truth.values - rival.values)
+            slopes = weights[:, None] * rival.slopes
             prior = _prior(rival.columns)
             known = _normal(gap[drive < 0], slopes[drive < 0])
             settled = _least(known, prior)
@@ -155,20 +180,23 @@ class _Judge:
         self.contained = {
             pair for pair, found in squares.items() if found.sum() < CONTAINED * squares[pair[::-1]].sum()
         }
-        judged = [found for pair, found in squares.items() if pair not in self.contained]
+        asked = squares.keys() - self.contained
+        self.hopeless = {pair for pair in asked if squares[pair].max() < HOPELESS**2}
+        if self.hopeless == asked:
+            self.hopeless = set()
+        judged = [squares[pair] for pair in asked - self.hopeless]
         return np.asarray(np.sqrt(np.min(judged, axis=0)))
 
     def refitted(self, plan: Plan) -> float:
         """Smallest whitened difference for one drive, the rival's numbers searched on it and all before."""
         simulator = self._simulator([plan])
-        weights = self._weights(simulator.data)
-        old = simulator.data.run_of_row < len(self.recordings)
+        weights, old = self._weights(simulator), self._drive(simulator) < 0
         least = math.inf
         for pair in itertools.permutations(range(len(self.explanations)), 2):
-            if pair in self.contained:
+            if pair in self.contained | self.hopeless:
                 continue
             truth, rival = self.explanations[pair[0]], self.explanations[pair[1]]
-            target = simulator.speeds(self._theta(simulator, truth), simulator.enabled(truth.effects))
+            target = self._values(simulator, self._theta(simulator, truth), truth.effects)
             least = min(least, self._gap(simulator, target, rival, weights, old))
         return math.sqrt(max(least, 0.0))
 
@@ -183,7 +211,6 @@ class _Judge:
         """Squared whitened distance that the rival keeps from `target` because of the drive."""
         columns = self._columns(simulator, rival)
         start = self._theta(simulator, rival)
-        on = simulator.enabled(rival.effects)
 
         def place(x: FloatArray) -> FloatArray:
             theta = start.copy()
@@ -192,25 +219,60 @@ class _Judge:
             return theta
 
         def residual(x: FloatArray) -> FloatArray:
-            return (weights * (target - simulator.speeds(place(x), on))).ravel()
+            return weights * (target - self._values(simulator, place(x), rival.effects))
 
         def jacobian(x: FloatArray, _: FloatArray) -> FloatArray:
-            slopes = _slopes(simulator, place(x), on, columns)
-            return -(weights[:, :, None] * slopes).reshape(-1, len(columns))
+            return -weights[:, None] * self._slopes(simulator, place(x), rival.effects, columns)
 
         first = np.array([start[column.entries[0]] for column in columns])
         lower, upper = (np.array([getattr(column, end) for column in columns]) for end in ("lower", "upper"))
         flat, slopes = residual(first), jacobian(first, first)
-        rows = np.repeat(old, 2)
-        settled = _least(_normal(flat[rows], -slopes[rows]), _prior(columns))
+        settled = _least(_normal(flat[old], -slopes[old]), _prior(columns))
         end = minimise(residual, jacobian, first, lower, upper, iterations=ITERATIONS, tolerance=1e-3)
         left = residual(end.theta)
         return float(left @ left) - settled
 
     def _model(self, simulator: SetSimulator, one: Explanation) -> _Model:
-        theta, on = self._theta(simulator, one), simulator.enabled(one.effects)
-        columns = self._columns(simulator, one)
-        return _Model(columns, simulator.speeds(theta, on), _slopes(simulator, theta, on, columns))
+        theta, columns = self._theta(simulator, one), self._columns(simulator, one)
+        values = self._values(simulator, theta, one.effects)
+        return _Model(columns, values, self._slopes(simulator, theta, one.effects, columns))
+
+    def _values(self, simulator: SetSimulator, theta: FloatArray, effects: tuple[str, ...]) -> FloatArray:
+        """What every signal shows, shape (k,)."""
+        on = simulator.enabled(effects)
+        return np.concatenate((simulator.speeds(theta, on).ravel(), self._pose(simulator, theta, effects)))
+
+    def _pose(self, simulator: SetSimulator, theta: FloatArray, effects: tuple[str, ...]) -> FloatArray:
+        """Displacements over the windows, flat; what is measured is the same for all, and cancels."""
+        if not len(simulator.windows(self.horizon_s)):
+            return np.zeros(0)
+        missed = simulator.pose_residuals(theta, simulator.enabled(effects), self.horizon_s)
+        return -np.nan_to_num(missed).ravel()
+
+    def _slopes(
+        self,
+        simulator: SetSimulator,
+        theta: FloatArray,
+        effects: tuple[str, ...],
+        columns: Sequence[Column],
+    ) -> FloatArray:
+        """Derivatives of all values by the free numbers, shape (k, p)."""
+        entries = [entry for column in columns for entry in column.entries]
+        raw = simulator.jacobian(theta, simulator.enabled(effects), entries)
+        wheels = raw.reshape(-1, len(entries))
+        at = self._pose(simulator, theta, effects)
+        slopes = np.zeros((len(wheels) + len(at), len(columns)))
+        first = 0
+        for k, column in enumerate(columns):
+            last = first + len(column.entries)
+            slopes[: len(wheels), k] = wheels[:, first:last].sum(axis=1)
+            first = last
+            if len(at) and moves_pose(column, simulator.data.commanded):
+                moved = theta.copy()
+                step = simulator.derivative_step(theta, column.entries[0])
+                moved[list(column.entries)] += step
+                slopes[len(wheels) :, k] = (self._pose(simulator, moved, effects) - at) / step
+        return slopes
 
     def _columns(self, simulator: SetSimulator, one: Explanation) -> tuple[Column, ...]:
         base = base_columns(simulator, simulator.tied, simulator.baseline_effects)
@@ -235,11 +297,12 @@ class _Judge:
     def _with(self, runs: Sequence[Run]) -> RecordingSet:
         return replace(self.recordings, runs=(*self.recordings.runs, *runs))
 
-    def _weights(self, data: SetData) -> FloatArray:
-        """One over the noise that a row counts with, shape (n, 2), s/m; zero where a row is not judged.
+    def _weights(self, simulator: SetSimulator) -> FloatArray:
+        """One over the noise that each value counts with, shape (k,); zero where it is not judged.
 
         Counting noise grows with the log rate; a disturbance that outlasts a row makes rows count less.
         """
+        data = simulator.data
         weights = np.zeros((len(data), 2))
         usual = float(np.median(self.known.data.interval_s))
         for column, wheel in enumerate(WHEELS):
@@ -250,21 +313,15 @@ class _Judge:
             lasting = np.maximum(2.0 * entry.correlation_s / data.dt_s, 1.0)
             weights[:, column] = 1.0 / np.sqrt(counting**2 + entry.disturbance**2 * lasting + 1e-12)
         weights[~data.judged] = 0.0
-        return weights
+        seen = [self.noise.get(signal) for signal in (POSE if data.has_truth else ("", "", GYRO))]
+        looks = [0.0 if entry is None else 1.0 / entry.rms for entry in seen]
+        return np.concatenate((weights.ravel(), np.tile(looks, len(simulator.windows(self.horizon_s)))))
 
-
-def _slopes(
-    simulator: SetSimulator, theta: FloatArray, on: BoolArray, columns: Sequence[Column]
-) -> FloatArray:
-    """Derivatives of the speeds by the free numbers, shape (n, 2, p)."""
-    entries = [entry for column in columns for entry in column.entries]
-    raw = simulator.jacobian(theta, on, entries)
-    slopes = np.zeros((*raw.shape[:2], len(columns)))
-    at = 0
-    for k, column in enumerate(columns):
-        slopes[:, :, k] = raw[:, :, at : at + len(column.entries)].sum(axis=2)
-        at += len(column.entries)
-    return slopes
+    def _drive(self, simulator: SetSimulator) -> IntArray:
+        """The drive that each value belongs to, shape (k,); below zero those of the recordings."""
+        wheels = np.repeat(simulator.data.run_of_row, 2)
+        windows = np.repeat(simulator.windows(self.horizon_s).run, 3)
+        return np.asarray(np.concatenate((wheels, windows)) - len(self.recordings), dtype=np.int64)
 
 
 _Normal = tuple[FloatArray, FloatArray, float]
@@ -272,8 +329,7 @@ _Normal = tuple[FloatArray, FloatArray, float]
 
 def _normal(gap: FloatArray, slopes: FloatArray) -> _Normal:
     """Normal equations of moving the rival by some of its slopes to close the gap."""
-    flat = slopes.reshape(-1, slopes.shape[-1])
-    return flat.T @ flat, flat.T @ gap.ravel(), float((gap**2).sum())
+    return slopes.T @ slopes, slopes.T @ gap, float((gap**2).sum())
 
 
 def _prior(columns: Sequence[Column]) -> FloatArray:
@@ -314,4 +370,16 @@ def _as_run(plan: Plan, recordings: RecordingSet, speeds: FloatArray | None, num
                 columns[name] = travel[:, column]
             else:
                 columns[name] = np.rint(travel[:, column] / (scale or 1.0))
+    base = None if recordings.baseline is None else recordings.baseline.wheelbase_m
+    poses = _reckoned(speeds, rate, base) if base else {}
+    columns |= {name: pose for name, pose in poses.items() if all(name in run.columns for run in recordings)}
     return Run(f"~{number:03d}_{plan.name}", columns)
+
+
+def _reckoned(speeds: FloatArray, rate_hz: float, wheelbase_m: float) -> dict[str, FloatArray]:
+    """Where wheels (n, 2) that neither slip nor err take a robot, as outside references would log it."""
+    turn_radps = (speeds[:, 1] - speeds[:, 0]) / wheelbase_m
+    heading = np.cumsum(turn_radps) / rate_hz
+    forward_m = speeds.mean(axis=1) / rate_hz
+    x_m, y_m = np.cumsum(forward_m * np.cos(heading)), np.cumsum(forward_m * np.sin(heading))
+    return {**dict(zip(POSE, (x_m, y_m, heading), strict=True)), GYRO: turn_radps}

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from truing.diagnose.problem import Problem
-from truing.diagnose.result import MismatchSpan
+from truing.diagnose.result import MismatchSpan, SignalNoise
 from truing.diagnose.traces import PoseTraces
 from truing.model.kernel import FloatArray, IntArray
 
-SIGNALS = ("truth_x_m", "truth_y_m", "truth_theta_rad")
+SIGNALS, GYRO = ("truth_x_m", "truth_y_m", "truth_theta_rad"), "gyro_z_radps"
 WORDS = ("distance", "sideways", "heading")
 # Spans hold this share of a component's mismatch.
 COVERED = 0.9
@@ -31,6 +31,17 @@ def pose_rmse(problem: Problem, pose: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.sum(metres**2, axis=1)))) if len(metres) else 0.0
 
 
+def pose_noise(problem: Problem) -> list[SignalNoise]:
+    """What displacements over a window scatter by: each component of a truth, the turn alone of a gyro."""
+    if not len(problem.pose_counted):
+        return []
+    source = "how short windows of the pose scatter about the model that fits best"
+    kinds = list(zip(SIGNALS, ("m", "m", "rad"), problem.pose_sigma.tolist(), strict=True))
+    if not problem.data.has_truth:
+        kinds = [(GYRO, "rad", float(problem.pose_sigma[2]))]
+    return [SignalNoise(signal, 0.0, sigma, sigma, 0.0, source, unit) for signal, unit, sigma in kinds]
+
+
 def pose_spans(problem: Problem, shape: FloatArray, least: float) -> list[MismatchSpan]:
     """Windows that hold the energy of a pose mismatch.
 
@@ -49,7 +60,7 @@ def pose_spans(problem: Problem, shape: FloatArray, least: float) -> list[Mismat
         if np.sqrt(energy.mean()) < least:
             continue
         if k == 2 and not data.has_truth:
-            signal = "gyro_z_radps"
+            signal = GYRO
         order = np.argsort(energy)[::-1]
         count = int(np.searchsorted(np.cumsum(energy[order]), COVERED * energy.sum())) + 1
         for window in sorted(order[:count]):

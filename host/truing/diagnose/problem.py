@@ -131,7 +131,7 @@ class Problem:
         at = self.pose(theta, on)
         pose = np.zeros((at.size, len(columns)))
         for k, column in enumerate(columns):
-            if not self._moves_pose(column):
+            if not moves_pose(column, self.data.commanded):
                 continue
             moved = theta.copy()
             step = 1e-4 * max(abs(column.upper - column.lower), 1e-3)
@@ -139,12 +139,6 @@ class Problem:
             moved[list(column.entries)] += step
             pose[:, k] = (self.pose(moved, on) - at).ravel() / step
         return np.concatenate((white, pose))
-
-    def _moves_pose(self, column: Column) -> bool:
-        if self.data.commanded:
-            return True
-        effect = column.name.split(".")[0]
-        return "." in column.name and CATALOGUE[effect].domain != "wheel"
 
     def restricted(self, counted: FloatArray, pose_counted: FloatArray) -> Problem:
         """The same problem on some of the rows and pose windows."""
@@ -163,6 +157,12 @@ class Problem:
         return self.base_columns + tuple(
             column for name in effects for column in effect_columns(self.simulator, name)
         )
+
+
+def moves_pose(column: Column, commanded: bool) -> bool:
+    """Whether a number changes where the robot goes while its wheels are measured."""
+    effect = column.name.split(".")[0]
+    return commanded or ("." in column.name and CATALOGUE[effect].domain != "wheel")
 
 
 def effect_columns(simulator: SetSimulator, name: str) -> tuple[Column, ...]:

@@ -24,6 +24,7 @@ from truing.diagnose.words import (
     next_lines,
     number_lines,
     place_lines,
+    rivals_text,
     sentence,
     signal_words,
     two_amounts,
@@ -300,8 +301,7 @@ def _card(effect: NamedEffect, diagnosis: Diagnosis) -> str:
         floor = f", noise floor {amount(fit.noise_floor, fit.unit)}" if fit.unit == effect.unit else ""
         parts.append(f"<p>On runs left out: <b>{before} → {after}</b>{escape(floor)}.</p>")
     if effect.indistinguishable_from:
-        rivals = ", ".join(effect_title(name) for name in effect.indistinguishable_from)
-        parts.append(f"<p>Cannot be told from: {escape(rivals)}.</p>")
+        parts.append(f"<p>{escape(sentence(rivals_text(effect, diagnosis)))}</p>")
     if looks_like:
         parts.append(f'<p class="lead">{escape(sentence(looks_like))}</p>')
     if effect.note:

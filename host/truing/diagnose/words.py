@@ -96,6 +96,15 @@ def doubted_second(diagnosis: Diagnosis) -> tuple[str, list[str]] | None:
     return alone[0], [name for names in options for name in names if name != alone[0]]
 
 
+def rivals_text(effect: NamedEffect, diagnosis: Diagnosis) -> str:
+    """What explains the recordings as well as an effect does."""
+    rivals = joined([effect_title(name) for name in effect.indistinguishable_from], "or")
+    second = doubted_second(diagnosis)
+    if second and effect.name in second[1]:
+        return f"perhaps not there: without it, {rivals} explains the recordings about as well"
+    return f"cannot be told from {rivals}"
+
+
 def effect_lines(diagnosis: Diagnosis) -> list[str]:
     """Each effect with its parameters, and what it does to the error on runs it was not fitted to."""
     lines = []

@@ -16,7 +16,7 @@ from truing.diagnose.fit import Fit
 from truing.diagnose.held_out import HeldOut, folds_of, held_out
 from truing.diagnose.intervals import covariance, effect_parameters
 from truing.diagnose.locate import wheel_spans
-from truing.diagnose.pose_windows import pose_folds, pose_rmse, pose_spans, pose_traces
+from truing.diagnose.pose_windows import pose_folds, pose_noise, pose_rmse, pose_spans, pose_traces
 from truing.diagnose.problem import Problem
 from truing.diagnose.result import (
     Diagnosis,
@@ -295,7 +295,7 @@ def _noise(problem: Problem) -> tuple[SignalNoise, ...]:
                 "what a flexible model of inputs and state does not foretell on runs it did not see",
             )
         )
-    return tuple(out)
+    return (*out, *pose_noise(problem))
 
 
 def _splits(problem: Problem, folds: IntArray, before: HeldOut, after: HeldOut) -> tuple[Split, ...]:

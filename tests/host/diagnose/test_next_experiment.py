@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from support.recorded_sets import recordings
+from support.recorded_sets import COUNTS, RADIUS_M, WHEELBASE_M, Columns, recordings
 from truing.diagnose.data import set_data
 from truing.diagnose.next_experiment import propose
 from truing.diagnose.profiles import PROFILES, Limits, Robot, candidates
@@ -14,6 +15,14 @@ from truing.floor import MotionModel, estimate_floor
 
 NOISE = tuple(
     SignalNoise(f"vel_{side}_mps", 0.004, 0.008, 0.009, 0.05, "made up") for side in ("left", "right")
+)
+POSE_NOISE = tuple(
+    SignalNoise(signal, 0.0, sigma, sigma, 0.0, "made up", unit)
+    for signal, sigma, unit in (
+        ("truth_x_m", 0.002, "m"),
+        ("truth_y_m", 0.002, "m"),
+        ("truth_theta_rad", 0.004, "rad"),
+    )
 )
 ROBOT = Robot(1.45, 0.35, 0.283)
 
@@ -85,6 +94,32 @@ def test_what_no_run_separates_is_said_and_not_promised(simulator: SetSimulator)
     assert found is not None
     assert found.expected_difference_over_noise < 2.0
     assert "No safe run" in found.why
+
+
+def with_a_truth(_: str, values: Columns) -> None:
+    travel = [2.0 * np.pi * RADIUS_M / COUNTS * values[f"ticks_{side}"] for side in ("left", "right")]
+    values["truth_theta_rad"] = (travel[1] - travel[0]) / WHEELBASE_M
+    for axis, way in (("x", np.cos), ("y", np.sin)):
+        steps = np.diff(0.5 * (travel[0] + travel[1]), prepend=0.0)
+        values[f"truth_{axis}_m"] = np.cumsum(steps * way(values["truth_theta_rad"]))
+
+
+def test_what_only_the_pose_shows_is_told_apart_by_it_and_the_rest_left_to_a_ruler(
+    simulator: SetSimulator,
+) -> None:
+    found = propose(
+        (
+            explanation(simulator, heading_drift__drift=0.05),
+            explanation(simulator, wheel_radius_error__left=1.01, wheel_radius_error__right=1.01),
+            explanation(simulator, encoder_scale__left=0.99, encoder_scale__right=0.99),
+        ),
+        recordings(4, with_a_truth),
+        NOISE + POSE_NOISE,
+    )
+    assert found is not None
+    assert found.expected_difference_over_noise > 2.0, "a drift bends, equal radii only stretch"
+    assert "no drive tells" in found.why
+    assert "ruler" in found.why
 
 
 def test_one_explanation_needs_no_run(simulator: SetSimulator) -> None:

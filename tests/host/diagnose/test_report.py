@@ -74,9 +74,12 @@ def test_a_second_effect_in_doubt_is_said_beside_the_first_which_is_not() -> Non
     explanations = tuple(
         Explanation(names, np.zeros(4)) for names in (("wheel_slip", "gear_backlash"), ("wheel_slip",))
     )
-    text = headline(replace(diagnoses.ambiguous(), explanations=explanations))
-    assert text.startswith("Missing from the simulation: ")
-    assert "perhaps also" in text
+    slip = diagnoses.friction(name="wheel_slip", indistinguishable_from=())
+    gap = diagnoses.friction(name="gear_backlash", indistinguishable_from=("wheel_slip",))
+    diagnosis = replace(diagnoses.ambiguous(), effects=(slip, gap), explanations=explanations)
+    assert headline(diagnosis).startswith("Missing from the simulation: ")
+    assert "perhaps also" in headline(diagnosis)
+    assert "Perhaps not there: without it, " in render_report(recordings(4), diagnosis)
 
 
 def test_places_of_one_kind_are_told_together() -> None:
