@@ -51,11 +51,10 @@ def advantage(problem: Problem, one: Fit, other: Fit) -> Advantage:
 
 def moment_gains(problem: Problem, one: Fit, other: Fit) -> tuple[FloatArray, FloatArray]:
     """Log-likelihood gain of `one` over `other`: of the wheels by moment, of the pose by pair of windows."""
-    rows = 0.5 * (_loss(other.residual.wheels) - _loss(one.residual.wheels)).sum(axis=1)
+    rows, windows = _gains(one, other)
     wheels = np.bincount(row_blocks(problem, MOMENT_S), rows)
     if not len(problem.pose_counted):
         return wheels.astype(float), np.zeros(0)
-    windows = 0.5 * (_loss(other.residual.pose) - _loss(one.residual.pose)).sum(axis=1)
     pose = np.bincount(problem.simulator.pose_runs(POSE_BLOCK_WINDOWS), windows)
     return wheels.astype(float), pose.astype(float)
 
@@ -63,12 +62,18 @@ def moment_gains(problem: Problem, one: Fit, other: Fit) -> tuple[FloatArray, Fl
 def run_gains(problem: Problem, one: Fit, other: Fit) -> FloatArray:
     """Log-likelihood gain of `one` over `other` in each run, shape (runs,), wheels and pose together."""
     runs = problem.data.runs
-    rows = 0.5 * (_loss(other.residual.wheels) - _loss(one.residual.wheels)).sum(axis=1)
+    rows, windows = _gains(one, other)
     gains = np.bincount(problem.data.run_of_row, rows, runs)
     if len(problem.pose_counted):
-        windows = 0.5 * (_loss(other.residual.pose) - _loss(one.residual.pose)).sum(axis=1)
         gains += np.bincount(problem.simulator.windows(problem.data.pose_horizon_s).run, windows, runs)
     return np.asarray(gains, dtype=np.float64)
+
+
+def _gains(one: Fit, other: Fit) -> tuple[FloatArray, FloatArray]:
+    """Log-likelihood gain of `one` over `other` in each row (n,) and each window of the pose (m,)."""
+    a, b = one.residual, other.residual
+    rows, windows = _loss(b.wheels) - _loss(a.wheels), _loss(b.pose) - _loss(a.pose)
+    return 0.5 * rows.sum(axis=1), 0.5 * windows.sum(axis=1)
 
 
 def row_blocks(problem: Problem, length_s: float = BLOCK_S) -> IntArray:
