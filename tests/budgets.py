@@ -120,7 +120,7 @@ FIRST_INTERRUPT = 16
 
 def times(costs: Costs) -> list[Budget]:
     image = stack_depth.Image(IMAGE, BUILD)
-    per_us = costs.core_hz / 1e6
+    per_us = costs.cpu_hz / 1e6
     rows: list[Budget] = []
     for number, handler in sorted(image.vectors().items()):
         if handler in stack_depth.FAULTS or handler == "Reset_Handler":

@@ -1,8 +1,9 @@
-"""What every test may ask for: the image, the native library and the real recordings."""
+"""What every test may ask for: image, native library, real recordings; and the summary of a full run."""
 
 from __future__ import annotations
 
 import os
+import time
 from pathlib import Path
 
 import pytest
@@ -56,3 +57,18 @@ def recordings() -> Path:
         says = f"is {named}, no folder" if named else f"is not set, and {beside} is not there"
         pytest.skip(f"no real recordings: TRUING_RECORDINGS {says}")
     return folder
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """How many tests each part of `./run test` has and how long it took; nothing where pytest runs alone."""
+    if "TRUING_TEST_PARTS" not in os.environ:
+        return
+    outcomes = ("passed", "failed", "skipped", "xfailed", "xpassed")
+    count = sum(len(terminalreporter.stats.get(outcome, ())) for outcome in outcomes)
+    seconds = time.time() - float(os.environ["TRUING_TEST_BEGAN"])
+    parts = [line.split("\t") for line in os.environ["TRUING_TEST_PARTS"].splitlines()]
+    parts.append([str(round(seconds)), str(count), "Python and end-to-end tests (pytest)"])
+    total = (sum(int(each[column] or 0) for each in parts) for column in (0, 1))
+    terminalreporter.section("seconds and tests of each part")
+    for took, tests, title in (*parts, (*map(str, total), "in all")):
+        terminalreporter.write_line(f"{took:>6} s {tests:>6} {'tests' if tests else '':5}  {title}")

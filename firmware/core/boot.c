@@ -1,5 +1,4 @@
-/* What the last start of the board says of the time before it: the cause by name, and the faults it brings.
- */
+/* Reset cause of the last start by name, and the faults that follow from it. */
 #include "boot.h"
 
 #include <stddef.h>
@@ -8,7 +7,7 @@
 
 /* RM0090 section 7.3.21: the flags stay set until cleared, and a power-on sets the brown-out and pin flags as
  * well. Where the option bytes leave the brown-out reset off, a dip of the supply looks like a power-on;
- * memory that is still intact tells them apart. */
+ * memory that is still intact distinguishes the two. */
 uint8_t boot_reset_cause(const struct hal_identity *identity)
 {
     static const struct {

@@ -1,5 +1,4 @@
-/* What the last start of the board says of the time before it: the cause by name, and the faults it brings.
- */
+/* Reset cause of the last start by name, and the faults that follow from it. */
 #ifndef BOOT_H
 #define BOOT_H
 

@@ -16,7 +16,7 @@ void can_link_init(struct can_link *link, const uint8_t *board_id, size_t board_
 
 void can_link_configure(struct can_link *link, uint8_t node, uint32_t bits_per_s)
 {
-    /* A reply to the very request that changed this goes out first, on a bus that takes it. */
+    /* The reply to the request that changed this is sent first, as long as the bus accepts it. */
     const bool waiting = (link->queue_length > 0 || link->waiting_length > 0) && hal_can_writable() > 0;
     if ((node == link->node && bits_per_s == link->bits_per_s) || waiting) {
         return;
@@ -47,13 +47,13 @@ bool can_link_has_room(const struct can_link *link, size_t size)
     return sizeof link->queue - link->queue_length >= size + LENGTH_SIZE;
 }
 
-/* With the short reply more that requests.c wants left over. */
+/* Includes the one short reply for which requests.c keeps room. */
 static bool has_room_for_longest(const struct can_link *link)
 {
     return can_link_has_room(link, LINK_LARGEST_FRAME + LINK_SMALL_FRAME);
 }
 
-/* Holds back a request that has come in whole; false: it goes on at once. */
+/* Queues a complete request; false: it can be handled at once. */
 static bool hold(struct can_link *link, size_t length)
 {
     const bool busy = link->waiting_length > 0 || !has_room_for_longest(link);
@@ -79,7 +79,7 @@ static bool next_waiting(struct can_link *link, struct frame *out)
     const struct can_link_request *const first = &link->waiting[link->waiting_first];
     link->waiting_first = (uint8_t)((link->waiting_first + 1u) % CAN_LINK_WAITING);
     link->waiting_length--;
-    return frame_open(first->bytes, first->length, out); /* its place is not taken before the next frame */
+    return frame_open(first->bytes, first->length, out); /* its slot is not reused before the next frame */
 }
 
 enum can_link_event can_link_receive(struct can_link *link, uint32_t now_ms, struct frame *out)

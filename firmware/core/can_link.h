@@ -16,18 +16,18 @@
 #include "proto.h"
 
 enum {
-    /* One full reply and two short ones: the bus is slower than the answer to a request that has waited. */
+    /* One full reply and two short ones: the bus is slower than the controller answers waiting requests. */
     CAN_LINK_QUEUE_SIZE = LINK_LARGEST_FRAME + 2 * LINK_SMALL_FRAME + 4,
     CAN_LINK_WAITING = 8,          /* requests that wait for room, as many as a host may have under way */
     CAN_LINK_WAITING_LONGEST = 24, /* a longer request than this cannot wait; it is lost, as on a full line */
     CAN_LINK_BLOCK = 8,   /* frames that a host may send before it waits: a fraction of the driver's queue */
-    CAN_LINK_RESERVE = 4, /* frames of the driver's queue that bulk data leave for flow control and status */
+    CAN_LINK_RESERVE = 4, /* frames of the driver's queue reserved for flow control and status */
     CAN_LINK_SPREAD_MS = 64, /* boards answer a call after a delay of 1 to this */
 };
 
 enum can_link_event { CAN_LINK_NOTHING, CAN_LINK_REQUEST, CAN_LINK_STOP };
 
-/* A request that has come in whole, as it came. */
+/* A complete request, as received. */
 struct can_link_request {
     uint8_t length;
     uint8_t bytes[CAN_LINK_WAITING_LONGEST];
@@ -56,8 +56,8 @@ void can_link_init(struct can_link *link, const uint8_t *board_id, size_t board_
 /* Joins the bus as `node`, when that is not the case already and nothing waits to be sent. */
 void can_link_configure(struct can_link *link, uint8_t node, uint32_t bits_per_s);
 
-/* What has come in: a sound request in *out, or a call to all boards to stop. Requests wait here while there
- * is no room for the longest reply, and keep their order; a stop goes past them. */
+/* The next input: a valid request in *out, or a broadcast stop. Requests wait here while there is no room for
+ * the longest reply, and keep their order; a stop overtakes them. */
 enum can_link_event can_link_receive(struct can_link *link, uint32_t now_ms, struct frame *out);
 
 bool can_link_has_room(const struct can_link *link, size_t size);

@@ -6,6 +6,7 @@
 
 #include "boot.h"
 #include "requests.h"
+#include "robot.h"
 
 void controller_init(struct controller *controller)
 {
@@ -61,14 +62,14 @@ static void poll_can(struct controller *controller)
     }
 }
 
-/* A bus that has never carried a frame is one that nobody uses: no fault. The fault is shown for a second at
- * least, since the controller is off the bus for a tenth of one only. */
+/* A bus that has never carried a frame is not in use: no fault. The fault is reported for at least one
+ * second, since the controller is off the bus for a tenth of a second only. */
 static void watch_bus(struct controller *controller, uint32_t now_ms)
 {
     enum { SHOWN_MS = 1000 };
     struct hal_can_report report;
     hal_can_report(&report);
-    if (report.state == PROTO_CAN_BUS_STATE_BUS_OFF && report.sent + report.received > 0) {
+    if (report.state == HAL_CAN_BUS_OFF && report.sent + report.received > 0) {
         controller->bus_off = true;
         controller->bus_off_ms = now_ms;
     } else if (now_ms - controller->bus_off_ms >= SHOWN_MS) {
@@ -82,9 +83,9 @@ void controller_poll(struct controller *controller)
     struct frame request;
     link_flush(&controller->link);
     robot_write_log(&controller->robot);
-    /* Bytes are read however full the line is, so that a stop never waits behind other requests. */
+    /* Bytes are read even when the send queue is full, so that a stop never waits behind other requests. */
     while (link_receive(&controller->link, &request)) {
-        robot_write_log(&controller->robot); /* what a reply says of the log holds now */
+        robot_write_log(&controller->robot); /* replies report the log as of now */
         requests_answer(controller, PORT_SERIAL, &request);
         link_flush(&controller->link);
     }
@@ -92,7 +93,7 @@ void controller_poll(struct controller *controller)
     poll_can(controller);
     robot_audit(&controller->robot);
 
-    /* A main loop that runs while the tick is dead must not keep the watchdog quiet. */
+    /* A running main loop alone must not feed the watchdog: the tick must run as well. */
     const uint32_t now_ms = controller->robot.now_ms;
     if (now_ms != controller->fed_at_ms) {
         controller->fed_at_ms = now_ms;

@@ -39,7 +39,7 @@ static float wheel_effort(struct drive *drive, const struct tuning *tuning, int 
         return drive->command[wheel];
     case PROTO_MODE_VELOCITY:
         if (drive->take_over) {
-            /* The effort of the moment before is kept as the slew limit's starting point: no jolt. */
+            /* The previous effort is the slew limit's starting point, so that there is no step. */
             const float effort = (float)drive->applied_e4[wheel] / effort_to_e4;
             velocity_control_reset(&drive->control[wheel], speed->mps, effort);
         }

@@ -18,10 +18,10 @@ struct drive {
     uint32_t braked_ms;             /* ticks since an effort was last applied, saturating */
 };
 
-/* A wheel that was braked this long ago has come to rest, whatever it did before. */
+/* A wheel braked for this long has come to rest from any speed. */
 enum { DRIVE_AT_REST_MS = 2000 };
 
-/* Braked, and at rest since long ago. */
+/* Braked and at rest. */
 void drive_init(struct drive *drive);
 
 /* A new command; the bridges follow at the next tick. */

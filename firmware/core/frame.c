@@ -38,7 +38,7 @@ bool frame_open(const uint8_t *plain, size_t length, struct frame *out)
     return true;
 }
 
-/* The zero byte has come: is what lies before it a frame? */
+/* At a zero byte: checks whether the bytes before it are a valid frame. */
 static bool finish_frame(const struct frame_decoder *decoder, struct frame *out)
 {
     return !decoder->broken && decoder->left == 0 && frame_open(decoder->plain, decoder->length, out);

@@ -31,12 +31,12 @@ struct frame_decoder {
     uint16_t length;  /* bytes of plain[] that are filled */
     uint8_t left;     /* data bytes that follow before the next code byte */
     bool zero_owed;   /* the run that ends now stands for a zero, unless the frame ends here */
-    bool broken;      /* nothing of this frame can be used any more */
+    bool broken;      /* this frame is invalid */
     bool started;     /* a byte came since the last zero */
     uint32_t dropped; /* damaged frames since the start */
 };
 
-/* Takes one byte; true when it completed a sound frame, which is then in *out. */
+/* Takes one byte; true when it completed a valid frame, which is then in *out. */
 bool frame_decoder_push(struct frame_decoder *decoder, uint8_t byte, struct frame *out);
 
 /* The frame in plain bytes that arrived as a whole; false when they are none. `out` points into them. */

@@ -10,7 +10,7 @@ enum { SINGLE = 0x0, FIRST = 0x1, CONSECUTIVE = 0x2, FLOW = 0x3 };
 enum { GO_ON = 0x0, WAIT = 0x1, OVERFLOW = 0x2 };
 enum { SINGLE_MAX = 7, FIRST_DATA = 6, CONSECUTIVE_DATA = 7, FLOW_SIZE = 3 };
 
-static size_t least(size_t a, size_t b)
+static size_t min_size(size_t a, size_t b)
 {
     return a < b ? a : b;
 }
@@ -55,7 +55,7 @@ static bool take_single(struct isotp *channel, const uint8_t *data, size_t lengt
 static void take_first(struct isotp *channel, const uint8_t *data, size_t length, uint32_t now_ms)
 {
     const uint16_t size = length < 2 ? (uint16_t)0 : (uint16_t)((data[0] & 0x0Fu) << 8 | data[1]);
-    /* Zero announces a longer length still (2016), which nobody here has a use for. */
+    /* Zero announces an extended length (2016 edition), which is not supported. */
     const bool escaped = size == 0 && length == ISOTP_FRAME_SIZE;
     if (length < ISOTP_FRAME_SIZE || (size <= SINGLE_MAX && !escaped)) {
         channel->errors.unexpected++;
@@ -82,7 +82,7 @@ static bool take_consecutive(struct isotp *channel, const uint8_t *data, size_t 
         channel->errors.unexpected++;
         return false;
     }
-    const size_t size = least((size_t)channel->in.length - channel->in.filled, CONSECUTIVE_DATA);
+    const size_t size = min_size((size_t)channel->in.length - channel->in.filled, CONSECUTIVE_DATA);
     if ((data[0] & 0x0Fu) != channel->in.next || length - 1 < size) {
         channel->errors.sequence++;
         channel->in.length = 0;
@@ -208,7 +208,7 @@ static size_t continue_message(struct isotp *channel, uint8_t *out, uint32_t now
     if (now_ms - channel->out.since_ms < channel->out.gap_ms) {
         return 0;
     }
-    const size_t size = least((size_t)channel->out.length - channel->out.sent, CONSECUTIVE_DATA);
+    const size_t size = min_size((size_t)channel->out.length - channel->out.sent, CONSECUTIVE_DATA);
     out[0] = (uint8_t)(CONSECUTIVE << 4 | channel->out.next);
     memcpy(out + 1, channel->out.data + channel->out.sent, size);
     channel->out.sent = (uint16_t)(channel->out.sent + size);
@@ -224,7 +224,7 @@ static size_t continue_message(struct isotp *channel, uint8_t *out, uint32_t now
 
 size_t isotp_next_frame(struct isotp *channel, uint8_t out[ISOTP_FRAME_SIZE], uint32_t now_ms)
 {
-    /* Flow control first: the peer waits for it, and its own message may be the more urgent one. */
+    /* Flow control first: the peer waits for it. */
     if (channel->in.answer != 0) {
         out[0] = channel->in.answer;
         out[1] = channel->in.block_size;

@@ -1,7 +1,7 @@
 /* ISO-TP (ISO 15765-2): messages of up to 4095 bytes over CAN frames of 8, one channel with both directions.
  *
- * Classic CAN, normal addressing: who talks to whom is the frame's id, which is the caller's business. Time
- * is the control tick's, in milliseconds. No buffer is owned here but the one for reception. */
+ * Classic CAN, normal addressing: the frame's id identifies sender and receiver and is handled by the caller.
+ * Time is the control tick's, in milliseconds. No buffer is owned here but the one for reception. */
 #ifndef ISOTP_H
 #define ISOTP_H
 
@@ -23,9 +23,9 @@ enum isotp_sending { ISOTP_IDLE, ISOTP_STARTING, ISOTP_WAITING, ISOTP_SENDING };
 /* What went wrong since the start. */
 struct isotp_errors {
     uint32_t sequence;   /* a consecutive frame was missing or doubled: its message is dropped */
-    uint32_t timeouts;   /* the peer fell silent within a message */
+    uint32_t timeouts;   /* the peer stopped within a message */
     uint32_t overflows;  /* a message too long for this side, or for the peer */
-    uint32_t unexpected; /* a frame that fits nothing: ignored, or the end of what was under way */
+    uint32_t unexpected; /* an unexpected frame: ignored, or it aborts the transfer */
 };
 
 struct isotp {
@@ -37,7 +37,7 @@ struct isotp {
         uint8_t next;       /* sequence number of the next consecutive frame */
         uint8_t block_size; /* frames that the peer may send before it must wait; 0: all */
         uint8_t block_left;
-        uint8_t answer; /* flow control that is owed: its first byte, 0 for none */
+        uint8_t answer; /* pending flow control: its first byte, 0 for none */
         uint32_t since_ms;
     } in;
     struct {
@@ -69,7 +69,7 @@ bool isotp_is_idle(const struct isotp *channel);
 /* The next frame that may be sent now; returns its length, 0 when there is none. It counts as sent. */
 size_t isotp_next_frame(struct isotp *channel, uint8_t out[ISOTP_FRAME_SIZE], uint32_t now_ms);
 
-/* Gives up what the peer has left hanging. */
+/* Ends transfers whose peer has timed out. */
 void isotp_expire(struct isotp *channel, uint32_t now_ms);
 
 #endif

@@ -9,7 +9,7 @@
 #include "frame.h"
 
 enum {
-    /* A frame is sent with a zero before it too, so that noise on the idle line spoils nothing. */
+    /* A frame is sent with a zero before it too, so that noise on the idle line does not corrupt it. */
     LINK_LARGEST_FRAME = FRAME_MAX_CODED + 1,
     LINK_SMALL_FRAME = 160, /* the largest frame of a reply that carries no bulk data */
     /* Three full replies, so that the line never idles between them. */
@@ -28,7 +28,7 @@ struct link {
     uint8_t coded[LINK_LARGEST_FRAME];
 };
 
-/* The next sound frame among the bytes received so far; false when they are used up. */
+/* The next valid frame among the bytes received so far; false when there is none. */
 bool link_receive(struct link *link, struct frame *out);
 
 /* Whether a reply with a frame of `size` bytes can be queued now. */

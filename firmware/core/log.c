@@ -80,7 +80,7 @@ static struct proto_log_header header_at(const struct log *log, uint32_t cell)
     return header;
 }
 
-/* At least one, so that whoever goes from block to block gets on even where the memory has gone bad. */
+/* At least one, so that a walk over the blocks advances even where the memory is corrupt. */
 static uint32_t cells_of(uint32_t used)
 {
     return used > cell_size ? (used + cell_size - 1u) / cell_size : 1u;
@@ -113,9 +113,9 @@ static void start_block(struct log *log)
 /* An eighth of what is kept, so that little more is kept than that; a second at least, for its header. */
 static uint32_t armed_block(const struct log_opening *opening)
 {
-    enum { PARTS = 8, LEAST_MS = 1000, MS_PER_S = 1000 };
+    enum { PARTS = 8, MIN_MS = 1000, MS_PER_S = 1000 };
     const uint32_t part_ms = opening->before_ms / (uint32_t)PARTS;
-    return (part_ms > (uint32_t)LEAST_MS ? part_ms : (uint32_t)LEAST_MS) * opening->format.rate_hz /
+    return (part_ms > (uint32_t)MIN_MS ? part_ms : (uint32_t)MIN_MS) * opening->format.rate_hz /
            (uint32_t)MS_PER_S;
 }
 
@@ -129,7 +129,7 @@ void log_open(struct log *log, const struct log_opening *opening)
     log->hidden = opening->armed;
     log->hidden_cell = log->end_cell;
     log->fired = false;
-    log->most_records = opening->armed ? armed_block(opening) : UINT16_MAX;
+    log->max_records = opening->armed ? armed_block(opening) : UINT16_MAX;
     start_block(log);
 }
 
@@ -137,7 +137,7 @@ void log_fire(struct log *log, uint32_t t_ms)
 {
     log->fired = true;
     log->fired_ms = log->opening.start_ms + t_ms;
-    log->most_records = UINT16_MAX;
+    log->max_records = UINT16_MAX;
 }
 
 /* Puts the header before the records that follow it, in the block's place. */
@@ -150,8 +150,8 @@ static void write_header(struct log *log, struct proto_log_header *header)
     (void)proto_log_header_encode(header, log->block, PROTO_LOG_HEADER_SIZE);
 }
 
-/* Lets go of the armed log's blocks that ended before what is to be kept of it, and closes the gap: however
- * long it is armed, older logs lose no more room than what it keeps. Uses the place of the block that was
+/* Discards the armed log's blocks that ended before the span to be kept, and closes the gap: however long
+ * it is armed, older logs lose no more memory than that span needs. Uses the place of the block that was
  * sealed. */
 static void trim(struct log *log)
 {
@@ -162,7 +162,7 @@ static void trim(struct log *log)
     while (is_before(from, log->end_cell)) {
         struct proto_log_header header = header_at(log, from);
         if (header.used < PROTO_LOG_HEADER_SIZE || header.used > PROTO_LOG_BLOCK_LIMIT) {
-            break; /* memory gone bad: nobody knows where the next block begins */
+            break; /* corrupt memory: the start of the next block is unknown */
         }
         const uint32_t cells = cells_of(header.used);
         keep = keep || is_before(from_ms, header.end_ms);
@@ -209,7 +209,7 @@ static void seal_block(struct log *log, uint8_t end)
     log->end_cell += cells;
     if (log->hidden) {
         if (is_before(log->hidden_cell, log->oldest_cell)) {
-            log->hidden_cell = log->oldest_cell; /* it filled the ring and lost its own beginning */
+            log->hidden_cell = log->oldest_cell; /* it filled the ring and overwrote its own beginning */
         }
         trim(log);
     }
@@ -221,7 +221,7 @@ void log_append(struct log *log, const struct proto_log_record *record)
         return;
     }
     if (PROTO_LOG_HEADER_SIZE + log_coder_size(&log->coder) >= (size_t)LOG_FULL ||
-        log->record_count - log->first_record >= log->most_records) {
+        log->record_count - log->first_record >= log->max_records) {
         seal_block(log, PROTO_LOG_END_OPEN);
         start_block(log);
     }

@@ -1,4 +1,4 @@
-/* Lossless coding of log records: what a record is expected to be, and coded bits for what it is instead. */
+/* Lossless coding of log records: a prediction of each field, and the coded residual. */
 #include "log_coding.h"
 
 #include <string.h>
@@ -68,22 +68,23 @@ static int32_t code_number(struct log_coder *coder, enum log_kind kind, uint32_t
                            uint32_t expected)
 {
     struct log_number *const number = &coder->numbers[kind];
-    const uint32_t miss = value - expected;
-    const bool negative = (miss >> 31) != 0;
-    range_coder_bit(&coder->coder, &number->zero[context], miss != 0);
-    if (miss != 0) {
+    const uint32_t residual = value - expected;
+    const bool negative = (residual >> 31) != 0;
+    range_coder_bit(&coder->coder, &number->zero[context], residual != 0);
+    if (residual != 0) {
         range_coder_bit(&coder->coder, &number->sign, negative);
-        code_size(&coder->coder, number, negative ? 0u - miss : miss);
+        code_size(&coder->coder, number, negative ? 0u - residual : residual);
     }
-    return (int32_t)miss;
+    return (int32_t)residual;
 }
 
-static void code_guessed(struct log_coder *coder, enum log_kind kind, struct log_guess *guess, bool driven,
-                         uint32_t value)
+static void code_predicted(struct log_coder *coder, enum log_kind kind, struct log_predictor *predictor,
+                           bool driven, uint32_t value)
 {
-    const uint32_t context = log_guess_context(guess, driven);
-    const int32_t miss = code_number(coder, kind, context, value, (uint32_t)log_guess_next(guess));
-    log_guess_learn(guess, (int32_t)value, miss);
+    const uint32_t context = log_predictor_context(predictor, driven);
+    const int32_t residual =
+        code_number(coder, kind, context, value, (uint32_t)log_predictor_next(predictor));
+    log_predictor_update(predictor, (int32_t)value, residual);
 }
 
 /* Record k of a log stands at floor(1000 k / rate). */
@@ -113,11 +114,11 @@ static void code_effort(struct log_coder *coder, const uint32_t words[PROTO_LOG_
     const uint32_t value = words[WORD_EFFORT + wheel];
     const uint32_t command = words[WORD_COMMAND + wheel];
     if (words[WORD_MODE] == (uint32_t)PROTO_MODE_VELOCITY) {
-        code_guessed(coder, LOG_KIND_EFFORT_HELD, &coder->effort[wheel], command != 0, value);
+        code_predicted(coder, LOG_KIND_EFFORT_HELD, &coder->effort[wheel], command != 0, value);
     } else {
         const uint32_t known = words[WORD_MODE] == (uint32_t)PROTO_MODE_EFFORT ? command : 0u;
-        const int32_t miss = code_number(coder, LOG_KIND_EFFORT_SET, 0, value, known);
-        log_guess_learn(&coder->effort[wheel], (int32_t)value, miss);
+        const int32_t residual = code_number(coder, LOG_KIND_EFFORT_SET, 0, value, known);
+        log_predictor_update(&coder->effort[wheel], (int32_t)value, residual);
     }
 }
 
@@ -135,8 +136,8 @@ static void code_replayed(struct log_coder *coder, const uint32_t words[PROTO_LO
     if (differs) {
         (void)code_number(coder, LOG_KIND_SPEED, 0, words[WORD_SPEED], left);
         (void)code_number(coder, LOG_KIND_SPEED, 0, words[WORD_SPEED + 1], right);
-        const int32_t miss = code_number(coder, LOG_KIND_HEADING, 0, words[WORD_HEADING], heading);
-        coder->turned_e4 = (int32_t)((uint32_t)coder->turned_e4 + (uint32_t)miss);
+        const int32_t residual = code_number(coder, LOG_KIND_HEADING, 0, words[WORD_HEADING], heading);
+        coder->turned_e4 = (int32_t)((uint32_t)coder->turned_e4 + (uint32_t)residual);
     }
 }
 
@@ -155,9 +156,9 @@ static void code_position(struct log_coder *coder, const uint32_t words[PROTO_LO
         log_axis_step(axis, way_q32[i]);
         const uint32_t context = sum == 0 ? 0u : log_axis_context(axis);
         const uint32_t value = words[WORD_POSITION + i];
-        const int32_t miss =
+        const int32_t residual =
             code_number(coder, LOG_KIND_POSITION, context, value, (uint32_t)log_axis_mm(axis));
-        log_axis_correct(axis, (int32_t)value, miss);
+        log_axis_correct(axis, (int32_t)value, residual);
     }
 }
 
@@ -171,7 +172,8 @@ void log_coder_add(struct log_coder *coder, const struct proto_log_record *recor
     for (uint32_t wheel = 0; wheel < 2u; wheel++) {
         const uint32_t travel = words[WORD_COUNTS + wheel] - coder->last[WORD_COUNTS + wheel];
         moved[wheel] = (int32_t)travel;
-        code_guessed(coder, LOG_KIND_TRAVEL, &coder->travel[wheel], words[WORD_COMMAND + wheel] != 0, travel);
+        code_predicted(coder, LOG_KIND_TRAVEL, &coder->travel[wheel], words[WORD_COMMAND + wheel] != 0,
+                       travel);
     }
     for (uint32_t wheel = 0; wheel < 2u; wheel++) {
         code_effort(coder, words, wheel);
@@ -180,7 +182,7 @@ void log_coder_add(struct log_coder *coder, const struct proto_log_record *recor
     const int64_t heading_q40 = log_replay_heading(&coder->replay, (int32_t)difference);
     code_replayed(coder, words, moved, heading_q40);
     code_position(coder, words, moved, heading_q40);
-    code_guessed(coder, LOG_KIND_BATTERY, &coder->battery, false, words[WORD_BATTERY]);
+    code_predicted(coder, LOG_KIND_BATTERY, &coder->battery, false, words[WORD_BATTERY]);
     memcpy(coder->last, words, sizeof coder->last);
     coder->record++;
 }

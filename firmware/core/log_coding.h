@@ -1,16 +1,16 @@
-/* Lossless coding of log records: what a record is expected to be, and coded bits for what it is instead. */
+/* Lossless coding of log records: a prediction of each field, and the coded residual. */
 #ifndef LOG_CODING_H
 #define LOG_CODING_H
 
 #include <stddef.h>
 #include <stdint.h>
 
-#include "log_guess.h"
+#include "log_predictor.h"
 #include "log_replay.h"
 #include "proto.h"
 #include "range_coder.h"
 
-/* Kinds of numbers; each learns its own habits. */
+/* Kinds of numbers; each adapts models of its own. */
 enum log_kind {
     LOG_KIND_TIME,
     LOG_KIND_MODE,
@@ -38,10 +38,9 @@ struct log_number {
 };
 
 /* Bytes that one record adds at most: 16 numbers of 12 + 2 coded and 5 + 31 plain bits, two coded bits more,
- * and what the coder holds back. */
+ * and the bytes that the coder has not released yet. */
 enum {
-    LOG_CODING_MOST =
-        (16 * ((LOG_LENGTHS + 2) * RANGE_CODER_MOST_BITS + 36) + 2 * RANGE_CODER_MOST_BITS) / 8 + 6
+    LOG_CODING_MAX = (16 * ((LOG_LENGTHS + 2) * RANGE_CODER_MAX_BITS + 36) + 2 * RANGE_CODER_MAX_BITS) / 8 + 6
 };
 
 /* One block's records. Everything starts anew with each block, so that a block decodes alone. */
@@ -51,10 +50,10 @@ struct log_coder {
     uint32_t rate_hz;
     uint32_t record; /* number of the next record since the log opened */
     uint32_t last[PROTO_LOG_FIELD_COUNT];
-    int32_t turned_e4; /* heading that the counts do not tell */
-    struct log_guess travel[2];
-    struct log_guess effort[2];
-    struct log_guess battery;
+    int32_t turned_e4; /* heading beyond what the counts imply */
+    struct log_predictor travel[2];
+    struct log_predictor effort[2];
+    struct log_predictor battery;
     struct log_axis axes[2];
     struct bit_model same;
     struct bit_model replayed;
@@ -71,10 +70,10 @@ struct log_format {
 void log_coder_start(struct log_coder *coder, const struct log_format *format, uint32_t first_record,
                      uint8_t *out, size_t capacity);
 
-/* Codes one record; LOG_CODING_MOST bytes must be free. */
+/* Codes one record; LOG_CODING_MAX bytes must be free. */
 void log_coder_add(struct log_coder *coder, const struct proto_log_record *record);
 
-/* Bytes coded so far, up to a few that are still held back. */
+/* Bytes coded so far, less the few that the coder has not released yet. */
 size_t log_coder_size(const struct log_coder *coder);
 
 /* Ends the block; returns the size of its records. */

@@ -9,8 +9,8 @@
 #include "log.h"
 #include "proto.h"
 
-/* Records that may wait: a third of a second at 200 Hz, 56 bytes each; the main loop comes round every
- * millisecond. The last few places are kept for the begin and the end of a log. */
+/* Records that may wait: a third of a second at 200 Hz, 56 bytes each; the main loop runs every millisecond.
+ * The last few places are reserved for opening and closing a log. */
 enum { LOG_FEED_SIZE = 64, LOG_FEED_KEPT = 4 };
 
 enum log_feed_kind { LOG_FEED_OPEN, LOG_FEED_RECORD, LOG_FEED_FIRE, LOG_FEED_CLOSE };
@@ -39,7 +39,7 @@ void log_feed_record(struct log_feed *feed, const struct proto_log_record *recor
 void log_feed_fire(struct log_feed *feed, uint32_t t_ms);
 void log_feed_close(struct log_feed *feed, uint8_t end);
 
-/* From the main loop: puts what waits into the log. */
+/* From the main loop: writes the waiting records into the log. */
 void log_feed_drain(struct log_feed *feed, struct log *log);
 
 #endif

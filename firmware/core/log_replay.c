@@ -7,7 +7,7 @@
 
 static const int64_t longest_way_q32 = INT64_C(1) << 38; /* 64 m in one interval */
 static const int64_t farthest_q32 = INT64_C(1) << 53;
-static const int64_t most_turn_q40 = INT64_C(1) << 47;
+static const int64_t max_turn_q40 = INT64_C(1) << 47;
 
 static int64_t clamp_i64(int64_t value, int64_t limit)
 {
@@ -36,8 +36,8 @@ void log_replay_start(struct log_replay *replay, const struct log_geometry *geom
     int32_t exponent;
     const uint32_t turn = split(geometry->turns_per_count, &exponent);
     replay->mantissa = split(geometry->metres_per_count, &replay->exponent);
-    replay->turn_q40 = exponent + 40 > 23 ? most_turn_q40 : shifted(turn, exponent + 40);
-    replay->most_counts = replay->turn_q40 > 0 ? (INT64_C(1) << 62) / replay->turn_q40 : 0;
+    replay->turn_q40 = exponent + 40 > 23 ? max_turn_q40 : shifted(turn, exponent + 40);
+    replay->max_counts = replay->turn_q40 > 0 ? (INT64_C(1) << 62) / replay->turn_q40 : 0;
 }
 
 /* Half away from zero. */
@@ -60,7 +60,7 @@ int16_t log_replay_speed(const struct log_replay *replay, int32_t counts, uint32
 int64_t log_replay_heading(const struct log_replay *replay, int32_t difference)
 {
     const int64_t size = difference >= 0 ? difference : -(int64_t)difference;
-    return size <= replay->most_counts ? difference * replay->turn_q40 : 0;
+    return size <= replay->max_counts ? difference * replay->turn_q40 : 0;
 }
 
 int32_t log_replay_heading_e4(int64_t turns_q40)
@@ -77,7 +77,7 @@ static int32_t product_q30(int32_t a, int32_t b)
 }
 
 /* Sine and cosine times 2^24, from Taylor's series to the 7th and 6th power around the nearest quarter turn:
- * within 4e-6 and 3e-5, which over a way of a metre is a thirtieth of a millimetre. */
+ * within 4e-6 and 3e-5, which is a thirtieth of a millimetre over one metre. */
 static void sine_cosine(uint32_t phase, int32_t *sine, int32_t *cosine)
 {
     const uint32_t quadrant = (phase + 0x20000000u) >> 30;
@@ -150,12 +150,12 @@ uint32_t log_axis_context(const struct log_axis *axis)
     return 1u + (eighths < 3u ? eighths : 3u);
 }
 
-void log_axis_correct(struct log_axis *axis, int32_t mm, int32_t miss)
+void log_axis_correct(struct log_axis *axis, int32_t mm, int32_t residual)
 {
-    if (miss != 0) {
-        const int64_t twice = 2 * (int64_t)mm + (miss > 0 ? -1 : 1);
+    if (residual != 0) {
+        const int64_t twice = 2 * (int64_t)mm + (residual > 0 ? -1 : 1);
         const int64_t edge =
             (twice * 1099511628) >> 9; /* half a millimetre is 2^40 / 1000 / 2^9 of 2^-32 m */
-        axis->at_q32 = clamp_i64(edge + (miss > 0 ? 2048 : -2048), farthest_q32);
+        axis->at_q32 = clamp_i64(edge + (residual > 0 ? 2048 : -2048), farthest_q32);
     }
 }

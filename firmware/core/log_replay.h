@@ -15,8 +15,8 @@ struct log_geometry {
 struct log_replay {
     uint32_t mantissa; /* metres_per_count = mantissa * 2^exponent */
     int32_t exponent;
-    int64_t turn_q40;    /* heading per count, 2^-40 turn */
-    int64_t most_counts; /* beyond this difference of the wheels no heading is worked out */
+    int64_t turn_q40;   /* heading per count, 2^-40 turn */
+    int64_t max_counts; /* beyond this difference of the wheels no heading is worked out */
 };
 
 void log_replay_start(struct log_replay *replay, const struct log_geometry *geometry);
@@ -31,11 +31,11 @@ int64_t log_replay_heading(const struct log_replay *replay, int32_t difference);
 /* The same in 1e-4 rad. */
 int32_t log_replay_heading_e4(int64_t turns_q40);
 
-/* The way of the body, 2^-32 m along x and y, for the sum of both wheels' counts at a heading (2^-32 turn).
- */
+/* Displacement of the body, 2^-32 m along x and y, for the sum of both wheels' counts at a heading (2^-32
+ * turn). */
 void log_replay_way(const struct log_replay *replay, int64_t counts, uint32_t phase, int64_t way_q32[2]);
 
-/* Where the robot is along one axis, as far as whole millimetres tell. All zero at the start of a block. */
+/* Position along one axis, known to whole millimetres. All zero at the start of a block. */
 struct log_axis {
     int64_t at_q32; /* m */
 };
@@ -46,7 +46,7 @@ int32_t log_axis_mm(const struct log_axis *axis);
 /* How far from the edge of its millimetre, 1 to 4. */
 uint32_t log_axis_context(const struct log_axis *axis);
 
-/* The record said something else: moves to the nearest place that rounds to it. */
-void log_axis_correct(struct log_axis *axis, int32_t mm, int32_t miss);
+/* The record differs: moves to the nearest position that rounds to its value. */
+void log_axis_correct(struct log_axis *axis, int32_t mm, int32_t residual);
 
 #endif

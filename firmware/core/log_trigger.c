@@ -1,14 +1,14 @@
-/* What makes an armed log worth keeping: a signal that crosses a level, or a fault that latches. */
+/* The trigger of an armed log: a signal that crosses a level, or a fault that latches. */
 #include "log_trigger.h"
 
-/* Positions of the request's fields, as refusals tell them. */
+/* Positions of the request's fields, as refusals report them. */
 enum { FIELD_KIND, FIELD_SIGNAL, FIELD_EDGE, FIELD_BEFORE = 4, FIELD_AFTER };
 
 enum { MS_PER_S = 1000 };
 
 void log_trigger_init(struct log_trigger *trigger)
 {
-    *trigger = (struct log_trigger){.told = {.state = PROTO_LOG_TRIGGER_STATE_IDLE}};
+    *trigger = (struct log_trigger){.report = {.state = PROTO_LOG_TRIGGER_STATE_IDLE}};
 }
 
 /* A set of bits crosses no level, and a command's unit changes with the mode. */
@@ -21,8 +21,8 @@ static bool has_level(uint8_t signal)
 struct refusal log_trigger_check(const struct proto_log_arm_request *wanted, uint16_t rate_hz,
                                  uint32_t memory_size)
 {
-    const uint32_t most_records = memory_size / (uint32_t)LOG_TRIGGER_RECORD_BYTES;
-    const uint32_t most_ms = most_records * (uint32_t)MS_PER_S / rate_hz;
+    const uint32_t max_records = memory_size / (uint32_t)LOG_TRIGGER_RECORD_BYTES;
+    const uint32_t max_ms = max_records * (uint32_t)MS_PER_S / rate_hz;
     struct refusal verdict = accepted();
     if (wanted->kind != (uint8_t)PROTO_LOG_TRIGGER_KIND_THRESHOLD &&
         wanted->kind != (uint8_t)PROTO_LOG_TRIGGER_KIND_FAULT) {
@@ -31,9 +31,9 @@ struct refusal log_trigger_check(const struct proto_log_arm_request *wanted, uin
         verdict = refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, FIELD_SIGNAL);
     } else if (wanted->edge > (uint8_t)PROTO_LOG_EDGE_BELOW) {
         verdict = refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, FIELD_EDGE);
-    } else if (wanted->before_ms > most_ms) {
+    } else if (wanted->before_ms > max_ms) {
         verdict = refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, FIELD_BEFORE);
-    } else if (wanted->after_ms > most_ms - wanted->before_ms) {
+    } else if (wanted->after_ms > max_ms - wanted->before_ms) {
         verdict = refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, FIELD_AFTER);
     } else {
         /* It does. */
@@ -44,7 +44,7 @@ struct refusal log_trigger_check(const struct proto_log_arm_request *wanted, uin
 void log_trigger_arm(struct log_trigger *trigger, const struct proto_log_arm_request *wanted, uint16_t log_id)
 {
     *trigger = (struct log_trigger){
-        .told =
+        .report =
             {
                 .state = PROTO_LOG_TRIGGER_STATE_ARMED,
                 .kind = wanted->kind,
@@ -60,8 +60,8 @@ void log_trigger_arm(struct log_trigger *trigger, const struct proto_log_arm_req
 
 void log_trigger_disarm(struct log_trigger *trigger)
 {
-    if (trigger->told.state == (uint8_t)PROTO_LOG_TRIGGER_STATE_FIRED) {
-        trigger->told.state = PROTO_LOG_TRIGGER_STATE_DONE;
+    if (trigger->report.state == (uint8_t)PROTO_LOG_TRIGGER_STATE_FIRED) {
+        trigger->report.state = PROTO_LOG_TRIGGER_STATE_DONE;
     } else {
         log_trigger_init(trigger);
     }
@@ -69,21 +69,21 @@ void log_trigger_disarm(struct log_trigger *trigger)
 
 bool log_trigger_is_on(const struct log_trigger *trigger)
 {
-    return trigger->told.state == (uint8_t)PROTO_LOG_TRIGGER_STATE_ARMED ||
-           trigger->told.state == (uint8_t)PROTO_LOG_TRIGGER_STATE_FIRED;
+    return trigger->report.state == (uint8_t)PROTO_LOG_TRIGGER_STATE_ARMED ||
+           trigger->report.state == (uint8_t)PROTO_LOG_TRIGGER_STATE_FIRED;
 }
 
 bool log_trigger_watches(const struct log_trigger *trigger)
 {
-    return trigger->told.state == (uint8_t)PROTO_LOG_TRIGGER_STATE_ARMED &&
-           trigger->told.kind == (uint8_t)PROTO_LOG_TRIGGER_KIND_THRESHOLD;
+    return trigger->report.state == (uint8_t)PROTO_LOG_TRIGGER_STATE_ARMED &&
+           trigger->report.kind == (uint8_t)PROTO_LOG_TRIGGER_KIND_THRESHOLD;
 }
 
-/* Whether the signal has come over the level since it was last seen on the near side of it. */
+/* Whether the signal has crossed the level since it was last seen on the near side of it. */
 static bool crosses(struct log_trigger *trigger, int32_t value)
 {
-    const int32_t level = trigger->told.level;
-    const bool beyond = trigger->told.edge == (uint8_t)PROTO_LOG_EDGE_ABOVE ? value > level : value < level;
+    const int32_t level = trigger->report.level;
+    const bool beyond = trigger->report.edge == (uint8_t)PROTO_LOG_EDGE_ABOVE ? value > level : value < level;
     const bool crossed = beyond && trigger->ready;
     trigger->ready = trigger->ready || !beyond;
     return crossed;
@@ -92,22 +92,22 @@ static bool crosses(struct log_trigger *trigger, int32_t value)
 enum log_trigger_event log_trigger_step(struct log_trigger *trigger, const struct log_trigger_moment *moment)
 {
     enum log_trigger_event event = LOG_TRIGGER_WAITS;
-    struct proto_log_trigger_reply *const told = &trigger->told;
-    if (told->state == (uint8_t)PROTO_LOG_TRIGGER_STATE_FIRED) {
+    struct proto_log_trigger_reply *const report = &trigger->report;
+    if (report->state == (uint8_t)PROTO_LOG_TRIGGER_STATE_FIRED) {
         trigger->after_ms++;
-        if (trigger->after_ms >= told->after_ms) {
-            told->state = PROTO_LOG_TRIGGER_STATE_DONE;
+        if (trigger->after_ms >= report->after_ms) {
+            report->state = PROTO_LOG_TRIGGER_STATE_DONE;
             event = LOG_TRIGGER_ENDS;
         }
-    } else if (told->state == (uint8_t)PROTO_LOG_TRIGGER_STATE_ARMED) {
-        const bool is_fault = told->kind == (uint8_t)PROTO_LOG_TRIGGER_KIND_FAULT;
+    } else if (report->state == (uint8_t)PROTO_LOG_TRIGGER_STATE_ARMED) {
+        const bool is_fault = report->kind == (uint8_t)PROTO_LOG_TRIGGER_KIND_FAULT;
         const bool fires = is_fault ? moment->latched_faults != 0u : crosses(trigger, moment->value);
         if (fires) {
-            told->state = PROTO_LOG_TRIGGER_STATE_FIRED;
-            told->fired_ms = moment->now_ms;
-            told->fired_t_ms = moment->t_ms;
-            told->value = is_fault ? 0 : moment->value;
-            told->faults = is_fault ? moment->latched_faults : 0u;
+            report->state = PROTO_LOG_TRIGGER_STATE_FIRED;
+            report->fired_ms = moment->now_ms;
+            report->fired_t_ms = moment->t_ms;
+            report->value = is_fault ? 0 : moment->value;
+            report->faults = is_fault ? moment->latched_faults : 0u;
             event = LOG_TRIGGER_FIRES;
         }
     } else {

@@ -1,4 +1,4 @@
-/* What makes an armed log worth keeping: a signal that crosses a level, or a fault that latches.
+/* The trigger of an armed log: a signal that crosses a level, or a fault that latches.
  *
  * Armed, the recorder writes a log all the while, of which log.h keeps the last `before_ms`. The trigger
  * keeps that, and ends the log `after_ms` later. Everything here but the check is called with the tick held
@@ -12,17 +12,17 @@
 #include "proto.h"
 #include "refusal.h"
 
-/* Memory that a record is taken to need: over twice what those of a noisy drive do. A drive that needs more
- * costs the beginning of its own log. */
+/* Memory budget of a record: over twice what the records of a noisy drive need. A drive that needs more loses
+ * the beginning of its own log. */
 enum { LOG_TRIGGER_RECORD_BYTES = 16 };
 
 struct log_trigger {
-    struct proto_log_trigger_reply told; /* as the host asks for it: state, what is armed, what came of it */
-    bool ready;                          /* the signal has been seen on the near side of the level */
-    uint32_t after_ms;                   /* since it fired */
+    struct proto_log_trigger_reply report; /* as the host reads it: state, what is armed, the outcome */
+    bool ready;                            /* the signal has been seen on the near side of the level */
+    uint32_t after_ms;                     /* since it fired */
 };
 
-/* What there is to judge at a tick. */
+/* Inputs of the trigger at a tick. */
 struct log_trigger_moment {
     uint32_t now_ms;         /* device time */
     uint32_t t_ms;           /* of the log */
@@ -34,7 +34,7 @@ enum log_trigger_event { LOG_TRIGGER_WAITS, LOG_TRIGGER_FIRES, LOG_TRIGGER_ENDS 
 
 void log_trigger_init(struct log_trigger *trigger);
 
-/* Whether such a trigger makes sense for a log at this rate in so much memory. */
+/* Checks a trigger for a log at this rate in so much memory. */
 struct refusal log_trigger_check(const struct proto_log_arm_request *wanted, uint16_t rate_hz,
                                  uint32_t memory_size);
 

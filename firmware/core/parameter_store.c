@@ -1,4 +1,4 @@
-/* The store of the parameters: two slots, of which one holds a whole set whatever happens to the power. */
+/* The parameter store: two slots, of which one always holds a complete set, also after a power failure. */
 #include "parameter_store.h"
 
 #include <string.h>
@@ -9,7 +9,7 @@
 enum word { MAGIC, FORMAT, SEQUENCE, RECORDS, SCHEMA, CRC, COMMIT, RESERVED, HEADER_WORDS };
 
 enum { WORD = 4, RECORD = 2 * WORD, CHECKED_HEADER = CRC * WORD, FIRST_RECORD = HEADER_WORDS * WORD };
-enum { MOST_RECORDS = (HAL_STORE_SLOT_SIZE - FIRST_RECORD) / RECORD };
+enum { MAX_RECORDS = (HAL_STORE_SLOT_SIZE - FIRST_RECORD) / RECORD };
 
 #define MAGIC_WORD  0x52415054u /* "TPAR" */
 #define FORMAT_WORD (1u | (uint32_t)RECORD << 16)
@@ -18,8 +18,8 @@ enum { MOST_RECORDS = (HAL_STORE_SLOT_SIZE - FIRST_RECORD) / RECORD };
                  */
 #define RETIRED_WORD 0u
 
-/* So many wrong bits still count as committed, so that one bad cell does not pass a set that was saved off as
- * one that never was. Random bits come this close once in eight million times. */
+/* This many wrong bits still count as committed, so that one bad cell does not make a saved set look unsaved.
+ * Random bits match this closely once in eight million times. */
 enum { COMMIT_TOLERANCE = 2 };
 
 static uint32_t get_word(const uint8_t bytes[WORD])
@@ -82,7 +82,7 @@ static bool is_whole(uint32_t slot)
 {
     const uint32_t records = header_word(slot, RECORDS);
     return header_word(slot, MAGIC) == MAGIC_WORD && header_word(slot, FORMAT) == FORMAT_WORD &&
-           records <= MOST_RECORDS && header_word(slot, SEQUENCE) != 0 &&
+           records <= MAX_RECORDS && header_word(slot, SEQUENCE) != 0 &&
            header_word(slot, CRC) == crc_of(slot, records);
 }
 
@@ -126,7 +126,7 @@ void parameter_store_open(struct parameter_store *store)
     *store = (struct parameter_store){.newest = PARAMETER_STORE_NONE};
     for (uint32_t slot = 0; slot < HAL_STORE_SLOTS; slot++) {
         store->states[slot] = inspect(slot);
-        /* A plain comparison: the cells wear out long before the number comes round. */
+        /* A plain comparison: the cells wear out long before the number wraps. */
         if (store->states[slot] == PROTO_SLOT_STATE_GOOD && header_word(slot, SEQUENCE) > store->sequence) {
             store->newest = (uint8_t)slot;
             store->sequence = header_word(slot, SEQUENCE);
@@ -237,7 +237,7 @@ static void put_word(struct writing *writing, uint32_t offset, uint32_t word)
 
 static void put_record(struct writing *writing, uint32_t key, uint32_t value)
 {
-    if (writing->records < MOST_RECORDS) {
+    if (writing->records < MAX_RECORDS) {
         put_word(writing, FIRST_RECORD + writing->records * RECORD, key);
         put_word(writing, FIRST_RECORD + writing->records * RECORD + WORD, value);
         writing->records++;
@@ -255,7 +255,7 @@ static void put_records(struct writing *writing, const struct parameter_store *s
     for (uint16_t i = 0; i < table->count; i++) {
         put_record(writing, table->infos[i].key, as_word(table->values[i]));
     }
-    /* Whoever tries another image for a day wants the values back that this one does not know. */
+    /* Values that this image does not know are kept for the image that does. */
     for (uint32_t i = 0; i < store->records; i++) {
         const struct record record = read_record(store->newest, i);
         if (!is_known(table, record.key)) {
@@ -269,8 +269,8 @@ static bool write_set(const struct parameter_store *store, const struct paramete
                       uint32_t *missed_ticks)
 {
     struct writing writing = {.slot = slot, .good = true};
-    /* Retired first, or an erase cut off could leave a commit in front of a spoilt set: damage, to all looks.
-     */
+    /* Retired first, or an interrupted erase could leave a commit in front of a corrupt set, which would be
+     * reported as damage. */
     put_header(&writing, COMMIT, RETIRED_WORD);
     hal_watchdog_feed(); /* the erase takes up to 0.8 s of the watchdog's second */
     writing.good = writing.good && hal_store_erase(slot, missed_ticks);
@@ -300,13 +300,13 @@ enum parameter_store_result parameter_store_save(struct parameter_store *store,
     const uint32_t slot = parameter_store_next_slot(store);
     bool saved = write_set(store, table, slot, missed_ticks);
     if (saved) {
-        /* What can be read back decides, here as at the next start, and not what the memory says of it. */
+        /* The content read back decides, here as at the next start, not the status that the memory
+         * reports. */
         (void)hal_store_program(slot, COMMIT * WORD, COMMIT_WORD);
         saved = inspect(slot) == PROTO_SLOT_STATE_GOOD;
     }
     if (saved && store->states[1u - slot] == PROTO_SLOT_STATE_DAMAGED) {
-        (void)hal_store_program(1u - slot, COMMIT * WORD,
-                                RETIRED_WORD); /* made good: no longer worth a fault */
+        (void)hal_store_program(1u - slot, COMMIT * WORD, RETIRED_WORD); /* repaired: no longer a fault */
     }
     parameter_store_open(store);
     return saved ? PARAMETER_STORE_SAVED : PARAMETER_STORE_FAILED;

@@ -1,4 +1,4 @@
-/* The store of the parameters: two slots, of which one holds a whole set whatever happens to the power.
+/* The parameter store: two slots, of which one always holds a complete set, also after a power failure.
  *
  * A slot, in words, little endian; what is not named stays erased:
  *
@@ -48,11 +48,11 @@ enum parameter_store_result {
     PARAMETER_STORE_FAILED,    /* the memory did not take them; the newest set is what it was */
 };
 
-/* Looks at both slots. */
+/* Reads both slots. */
 void parameter_store_open(struct parameter_store *store);
 
-/* A set that was saved is gone, or the only save ever made was cut off: what a load gives is not what was
- * last meant to be in force. A save cut off with an older set to fall back on is not damage. */
+/* A saved set is lost, or the only save was interrupted: a load does not give the values that were last
+ * saved. An interrupted save that leaves an older set is not damage. */
 bool parameter_store_is_damaged(const struct parameter_store *store);
 
 /* Fills the table's values: stored ones where the store has them and the table allows them, else defaults. */
@@ -69,7 +69,7 @@ bool parameter_store_find(const struct parameter_store *store, const struct prot
 /* The slot that a save writes into: never the newest set's. */
 uint8_t parameter_store_next_slot(const struct parameter_store *store);
 
-/* Writes the table's values, and carries values along that the table does not know. The core stands still
+/* Writes the table's values, and carries values along that the table does not know. The CPU is stalled
  * meanwhile; `missed_ticks` are the control ticks lost. */
 enum parameter_store_result parameter_store_save(struct parameter_store *store,
                                                  const struct parameter_table *table, uint32_t *missed_ticks);

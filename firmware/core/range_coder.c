@@ -3,8 +3,8 @@
 
 static const uint32_t top_byte = 0x1000000u;
 static const uint32_t half = 0x8000u;
-static const uint32_t least = 64;     /* of 65536: no bit is ever certain */
-static const uint32_t most_seen = 30; /* from then on a model forgets as fast as it learns */
+static const uint32_t min_probability = 64; /* of 65536: the probability of a bit never reaches 0 or 1 */
+static const uint32_t max_seen = 30;        /* bits after which older ones are discounted */
 
 void range_coder_start(struct range_coder *coder, uint8_t *out, size_t capacity)
 {
@@ -60,13 +60,13 @@ void range_coder_bit(struct range_coder *coder, struct bit_model *model, bool bi
     const uint32_t rate = 655360u / (10u * seen + 16u);
     if (bit) {
         one += ((65536u - one) * rate) >> 16;
-        one = one > 65536u - least ? 65536u - least : one;
+        one = one > 65536u - min_probability ? 65536u - min_probability : one;
     } else {
         one -= (one * rate) >> 16;
-        one = one < least ? least : one;
+        one = one < min_probability ? min_probability : one;
     }
     model->one = (uint16_t)one;
-    model->seen = (uint16_t)(seen < most_seen ? seen + 1u : seen);
+    model->seen = (uint16_t)(seen < max_seen ? seen + 1u : seen);
 }
 
 void range_coder_plain(struct range_coder *coder, uint32_t value, uint32_t bits)

@@ -2,7 +2,7 @@
  *
  * The first record is taken when the log opens (t = 0, counts 0, speeds and efforts 0). Every later one
  * stands at the end of its interval: efforts and speeds are means over it, mode, segment and command are
- * those in force inside it. So a record at the very millisecond of a step still tells of the time before.
+ * those in force inside it. So a record at the millisecond of a step still describes the time before it.
  * Record k stands at floor(1000 k / rate) ms; the last one closes the log and its interval may be shorter. */
 #ifndef RECORDER_H
 #define RECORDER_H
@@ -24,7 +24,7 @@ struct recorder {
     uint16_t next_log_id;
     uint16_t rate_hz; /* of the log that opens */
     uint32_t sequence_crc;
-    uint32_t before_ms;                /* of an armed log, what is kept from before its trigger */
+    uint32_t before_ms;                /* of an armed log, how much is kept from before its trigger */
     uint32_t elapsed_ms;               /* since the log opened */
     uint32_t row_ms;                   /* where the last record stands */
     uint32_t next_row_ms;              /* where the next one is due */

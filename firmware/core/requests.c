@@ -6,6 +6,8 @@
 #include "boot.h"
 #include "requests_log.h"
 #include "requests_parameters.h"
+#include "robot.h"
+#include "robot_time.h"
 
 #ifndef TRUING_BOARD_NAME
 #define TRUING_BOARD_NAME "host"
@@ -14,7 +16,7 @@
 #define TRUING_FIRMWARE_VERSION "0"
 #endif
 
-/* Handlers see a payload and write one; the frame around both is the dispatcher's business. */
+/* Handlers read a payload and write one; the dispatcher handles the frames. */
 typedef struct refusal handler(struct controller *controller, const struct frame *request,
                                struct reply *reply);
 
@@ -40,8 +42,8 @@ static uint8_t clock_source_of(const struct hal_identity *identity)
     if (!identity->clock_fallback) {
         return PROTO_CLOCK_SOURCE_CRYSTAL_PLL;
     }
-    return identity->core_hz > RC_OSCILLATOR_HZ ? PROTO_CLOCK_SOURCE_INTERNAL_PLL
-                                                : PROTO_CLOCK_SOURCE_INTERNAL;
+    return identity->cpu_hz > RC_OSCILLATOR_HZ ? PROTO_CLOCK_SOURCE_INTERNAL_PLL
+                                               : PROTO_CLOCK_SOURCE_INTERNAL;
 }
 
 /* The first 6 bytes of a hello never change; a later version may send more. */
@@ -51,7 +53,7 @@ static struct refusal answer_hello(struct controller *controller, const struct f
     if (request->payload_length < PROTO_HELLO_REQUEST_SIZE) {
         return bad_length(request);
     }
-    /* A host that greets has started anew: its sequence numbers may meet those of the host before. */
+    /* A hello means that the host has restarted: its sequence numbers may repeat earlier ones. */
     controller->cache[controller->port].valid = false;
     const struct hal_identity *const identity = &controller->identity;
     struct proto_hello_reply out = {
@@ -344,6 +346,14 @@ static struct refusal answer_set_velocity(struct controller *controller, const s
     return robot_drive(&controller->robot, PROTO_SEGMENT_KIND_VELOCITY, in.left, in.right);
 }
 
+_Static_assert((int)HAL_CAN_OFF == (int)PROTO_CAN_BUS_STATE_OFF &&
+                   (int)HAL_CAN_JOINING == (int)PROTO_CAN_BUS_STATE_JOINING &&
+                   (int)HAL_CAN_ACTIVE == (int)PROTO_CAN_BUS_STATE_ACTIVE &&
+                   (int)HAL_CAN_WARNING == (int)PROTO_CAN_BUS_STATE_WARNING &&
+                   (int)HAL_CAN_PASSIVE == (int)PROTO_CAN_BUS_STATE_PASSIVE &&
+                   (int)HAL_CAN_BUS_OFF == (int)PROTO_CAN_BUS_STATE_BUS_OFF,
+               "a report's state goes onto the wire as it is");
+
 static struct refusal answer_can_state(struct controller *controller, const struct frame *request,
                                        struct reply *reply)
 {
@@ -405,7 +415,7 @@ static struct refusal answer_stream_read(struct controller *controller, const st
     return accepted();
 }
 
-/* Whatever a stop carries and however often it comes, the dispatcher has already obeyed it. */
+/* The dispatcher has already executed the stop, whatever its payload and however often it is repeated. */
 static struct refusal answer_stop(struct controller *controller, const struct frame *request,
                                   struct reply *reply)
 {
@@ -462,7 +472,7 @@ static const struct entry *find(uint8_t id)
     return NULL;
 }
 
-/* Room is always left for one short reply more: a stop is not only obeyed on a busy line, but answered. */
+/* Room is always left for one more short reply: a stop is executed and answered on a busy line. */
 static bool has_room(const struct controller *controller, const struct entry *entry)
 {
     const size_t size = entry != NULL && entry->bulk ? LINK_LARGEST_FRAME : LINK_SMALL_FRAME;
@@ -506,7 +516,7 @@ void requests_answer(struct controller *controller, enum controller_port port, c
 {
     struct reply_cache *const cache = &controller->cache[port];
     controller->port = (uint8_t)port;
-    /* Replies, of another board on the line or echoed by it: to answer them would never end. */
+    /* Replies of another board, or echoes of our own: answering them would loop for ever. */
     if ((request->id & PROTO_REPLY_BIT) != 0) {
         return;
     }

@@ -5,7 +5,7 @@
 #include "frame.h"
 #include "refusal.h"
 #include "requests_log.h"
-#include "robot.h"
+#include "robot_state.h"
 
 struct refusal requests_param_list(const struct robot *robot, const struct frame *request,
                                    struct reply *reply);

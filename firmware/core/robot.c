@@ -33,7 +33,7 @@ void robot_init(struct robot *robot, uint32_t boot_faults)
         .battery_valid = robot->sample.battery_valid,
     };
     robot->now_ms = 0;
-    robot->speeds_stale = true; /* how long ago this sample was taken, nobody knows */
+    robot->speeds_stale = true; /* the age of this sample is unknown */
     log_feed_init(&robot->feed);
     log_init(&robot->log);
     telemetry_init(&robot->telemetry);
@@ -54,7 +54,7 @@ static void sense(struct robot *robot)
     int32_t moved[HAL_WHEELS];
     hal_sense(&robot->sample);
     if (!robot->speeds_stale && robot->sample.now_us - before.now_us > LATE_US) {
-        robot->supervisor.overrun = true; /* whatever held this tick off, the one before it never came */
+        robot->supervisor.overrun = true; /* this tick was delayed so long that one was missed */
     }
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
         const int32_t now = robot->sample.counts[wheel];
@@ -93,7 +93,7 @@ static void sense(struct robot *robot)
     robot->view.battery_valid = robot->sample.battery_valid;
 }
 
-/* What a record says of mode and command: those in force up to now. */
+/* Mode and command of a record: those in force up to now. */
 static void view_command(const struct robot *robot, struct recorder_view *view)
 {
     view->record.mode = robot->drive.mode;
@@ -149,7 +149,7 @@ static void step_sequence(struct robot *robot)
     }
 }
 
-/* Of the moment, where a record has means. */
+/* Instantaneous values, where a record has means. */
 static void signal_values(const struct robot *robot, int32_t values[TELEMETRY_SIGNALS])
 {
     struct recorder_view view = {0};
@@ -188,7 +188,7 @@ static void step_trigger(struct robot *robot, bool stopped)
     if (log_trigger_watches(&robot->trigger)) {
         int32_t values[TELEMETRY_SIGNALS];
         signal_values(robot, values);
-        moment.value = values[robot->trigger.told.signal];
+        moment.value = values[robot->trigger.report.signal];
     }
     switch (log_trigger_step(&robot->trigger, &moment)) {
     case LOG_TRIGGER_FIRES:
@@ -221,7 +221,7 @@ void robot_tick(struct robot *robot)
         step_sequence(robot);
     }
 
-    if (!start) { /* before a log is open there is nothing to keep */
+    if (!start) { /* a trigger needs an open log */
         step_trigger(robot, stopped);
     }
     if (recorder_due(&robot->recorder)) {
@@ -256,7 +256,7 @@ void robot_stop(struct robot *robot)
     hal_critical_exit(state);
 }
 
-/* Leave to begin moving, from idle. */
+/* Whether a motion may begin, from idle. */
 static struct refusal may_begin(const struct robot *robot, bool from_rest)
 {
     if (robot->supervisor.state == PROTO_STATE_STOPPED) {
@@ -281,7 +281,7 @@ struct refusal robot_drive(struct robot *robot, uint8_t kind, float left, float 
         verdict = may_begin(robot, false);
         if (verdict.reason == REFUSAL_NONE) {
             robot->supervisor.state = PROTO_STATE_LIVE;
-            if (!log_trigger_is_on(&robot->trigger)) { /* the armed log tells of this drive too */
+            if (!log_trigger_is_on(&robot->trigger)) { /* the armed log records this drive too */
                 (void)recorder_request(&robot->recorder, robot->tuning.log_rate_hz, 0);
             }
         }
@@ -327,7 +327,7 @@ struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, uint16_t 
 static void disarm_log(struct robot *robot)
 {
     const uint32_t state = hal_critical_enter();
-    const bool fired = robot->trigger.told.state == (uint8_t)PROTO_LOG_TRIGGER_STATE_FIRED;
+    const bool fired = robot->trigger.report.state == (uint8_t)PROTO_LOG_TRIGGER_STATE_FIRED;
     if (log_trigger_is_on(&robot->trigger)) {
         recorder_finish_armed(&robot->recorder,
                               fired ? (uint8_t)PROTO_LOG_END_TRIGGERED : (uint8_t)LOG_END_DISCARDED);
@@ -379,14 +379,6 @@ struct refusal robot_clear_faults(struct robot *robot)
     return present == 0 ? accepted() : refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, present);
 }
 
-void robot_make_up(struct robot *robot, uint32_t missed_ticks)
-{
-    const uint32_t state = hal_critical_enter();
-    robot->now_ms = robot->now_ms + missed_ticks;
-    robot->speeds_stale = missed_ticks != 0;
-    hal_critical_exit(state);
-}
-
 void robot_status(const struct robot *robot, struct proto_status_reply *out)
 {
     const uint32_t state = hal_critical_enter();
@@ -412,22 +404,10 @@ void robot_status(const struct robot *robot, struct proto_status_reply *out)
     out->theta_e4 = odometry_theta_e4(&odometry);
 }
 
-/* A tick that is late, or that never came while the flash was busy, leaves the microseconds at their end: the
- * millisecond counts ticks, and time must not run ahead of them. */
-void robot_time(const struct robot *robot, struct proto_time_reply *out)
-{
-    enum { LAST_US = 999 };
-    const uint32_t state = hal_critical_enter();
-    const uint32_t since_us = hal_now_us() - robot->sample.now_us;
-    out->uptime_ms = robot->now_ms;
-    hal_critical_exit(state);
-    out->after_us = since_us < (uint32_t)LAST_US ? (uint16_t)since_us : (uint16_t)LAST_US;
-}
-
 void robot_log_trigger(const struct robot *robot, struct proto_log_trigger_reply *out)
 {
     const uint32_t state = hal_critical_enter();
-    *out = robot->trigger.told;
+    *out = robot->trigger.report;
     hal_critical_exit(state);
 }
 

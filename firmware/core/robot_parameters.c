@@ -1,6 +1,8 @@
 /* The robot's parameters as the host changes, saves and brings them back: only while nothing moves. */
 #include "robot_parameters.h"
 
+#include "robot_time.h"
+
 static struct parameter_table table_of(struct robot *robot)
 {
     return (struct parameter_table){
@@ -10,8 +12,8 @@ static struct parameter_table table_of(struct robot *robot)
     };
 }
 
-/* What the tick reads of the values changes between two ticks, all of it at once; a fault made good is gone
- * with the reply that says so. */
+/* What the tick reads of the values changes between two ticks, all of it at once; a repaired fault is cleared
+ * before the reply is sent. */
 static void take_effect(struct robot *robot)
 {
     struct tuning tuning;
@@ -67,14 +69,14 @@ struct refusal robot_save_parameters(struct robot *robot, struct proto_param_sav
 {
     struct refusal verdict = may_change(robot);
     if (verdict.reason == REFUSAL_NONE && (robot->recorder.active || robot->recorder.opening)) {
-        /* Its last record is due at the next tick, and would tell of a second in which nothing was measured.
-         */
+        /* Its last record is due at the next tick, and would cover a second in which nothing was measured. */
         verdict = refused(PROTO_REFUSAL_REASON_LOG_BUSY, 0);
     }
     if (verdict.reason != REFUSAL_NONE) {
         return verdict;
     }
-    /* They are braked in every state that leads here. A core that stands still is reason to make sure. */
+    /* They are braked in every state that leads here. The CPU is about to stall: brake again to be certain.
+     */
     const uint32_t state = hal_critical_enter();
     drive_brake(&robot->drive);
     hal_critical_exit(state);

@@ -5,14 +5,14 @@
 #include <stdint.h>
 
 #include "refusal.h"
-#include "robot.h"
+#include "robot_state.h"
 
 /* Stored values, or defaults; from robot_init. */
 void robot_start_parameters(struct robot *robot);
 
 struct refusal robot_set_parameter(struct robot *robot, uint16_t index, float value);
 
-/* The core stands still for up to a second; afterwards device time has moved on by as much. */
+/* The CPU is stalled for up to a second; afterwards device time has moved on by as much. */
 struct refusal robot_save_parameters(struct robot *robot, struct proto_param_save_reply *out);
 
 /* As the next start would; `stored` values came from the store. */

@@ -11,7 +11,7 @@ static inline bool is_finite(float value)
     return value - value == 0.0f;
 }
 
-/* NaN falls to the lower limit. */
+/* NaN gives the lower limit. */
 static inline float clampf(float value, float low, float high)
 {
     if (!(value > low)) {

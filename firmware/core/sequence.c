@@ -53,7 +53,7 @@ struct refusal sequence_append(struct sequence *sequence, const struct tuning *t
     if (count > (size_t)(sequence->segment_count - sequence->received)) {
         return refused(PROTO_REFUSAL_REASON_SEQUENCE_TOO_LONG, sequence->segment_count);
     }
-    /* Slots from `received` on are free, so that a refusal half-way leaves nothing behind. */
+    /* Slots from `received` on are free, so that a refusal half-way leaves the sequence unchanged. */
     uint32_t duration_ms = sequence->duration_ms;
     for (size_t i = 0; i < count; i++) {
         struct proto_segment *const slot = &sequence->segments[first + i];

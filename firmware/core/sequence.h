@@ -28,7 +28,7 @@ struct sequence {
     uint16_t log_id;    /* of the last run, 0 before the first */
 };
 
-/* What a tick of a running sequence brings. */
+/* Result of a tick of a running sequence. */
 enum sequence_event { SEQUENCE_GOES_ON = 0, SEQUENCE_NEXT_SEGMENT, SEQUENCE_FINISHED };
 
 /* Forgets what was held and awaits `segment_count` segments. */
@@ -50,7 +50,7 @@ void sequence_start(struct sequence *sequence, uint16_t log_id);
 /* All segments as they lie in memory still have the committed CRC. */
 bool sequence_is_intact(const struct sequence *sequence);
 
-/* The same for a sequence that runs, one segment a call, round and round; false at the end of a bad round. */
+/* The same for a running sequence, one segment a call, repeatedly; false at the end of a pass that failed. */
 bool sequence_audit(struct sequence *sequence);
 
 /* One millisecond later. */

@@ -26,7 +26,7 @@ static bool faster_than(float speed_mps, float limit_mps)
 static bool wheel_implausible(const struct supervisor *supervisor, const struct tuning *tuning,
                               const struct supervisor_view *view, int wheel)
 {
-    /* On the move a slope or the other wheel may turn a braked wheel; that is no reason to stop. */
+    /* While the robot moves, a slope or the other wheel may turn a braked wheel; that does not stop it. */
     const bool turns_at_rest = !supervisor_is_moving(supervisor) && view->at_rest && !view->still[wheel];
     return faster_than(view->speed_mps[wheel], tuning->encoder_speed_max_mps) || turns_at_rest;
 }
@@ -46,7 +46,8 @@ DETECTOR(battery_unread)
     return !view->battery_valid;
 }
 
-/* With hysteresis: once low, it is low until it has recovered. An unread battery tells nothing new. */
+/* With hysteresis: once low, it is low until it has recovered. A battery that was not read leaves the state
+ * as it is. */
 DETECTOR(battery_low)
 {
     const bool was_low = (supervisor->active & PROTO_FAULT_BATTERY_LOW) != 0;
@@ -268,7 +269,7 @@ uint32_t supervisor_self_check(const struct supervisor *supervisor, const struct
     if (!view->battery_valid) {
         unfit |= PROTO_FAULT_BATTERY_UNREAD;
     } else if (view->battery_mv < tuning->battery_low_mv) {
-        /* At rest nothing sags: one reading is enough to refuse. */
+        /* At rest the supply does not sag: one reading suffices to refuse. */
         unfit |= PROTO_FAULT_BATTERY_LOW;
     }
     return unfit;

@@ -12,14 +12,14 @@
 enum {
     /* The supply sags for tens of milliseconds when both motors start; a battery that is flat stays low. */
     SUPERVISOR_BATTERY_LOW_MS = 250,
-    /* Longer than a window of the speed's measurement: one disturbed count is no speed. */
+    /* Longer than a window of the speed measurement: one disturbed count does not trip it. */
     SUPERVISOR_OVERSPEED_MS = 20,
 };
 
 /* What it takes to clear a fault, besides the command to do so. */
 enum supervisor_clears {
     SUPERVISOR_CLEARS_WHEN_GONE, /* its cause must be gone */
-    SUPERVISOR_CLEARS_AT_ONCE,   /* its cause was over once it had been seen */
+    SUPERVISOR_CLEARS_AT_ONCE,   /* its cause is momentary */
     SUPERVISOR_LASTS,            /* it stays for as long as the board runs */
 };
 

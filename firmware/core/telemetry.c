@@ -1,4 +1,4 @@
-/* Samples of chosen signals for a host that watches live. */
+/* Samples of chosen signals for live display. */
 #include "telemetry.h"
 
 #include "hal.h"
@@ -56,7 +56,7 @@ struct refusal telemetry_start(struct telemetry *telemetry, uint32_t signals, ui
     if ((signals & ~(uint32_t)ALL_SIGNALS) != 0) {
         return refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 0);
     }
-    if (signals != 0 && (rate_hz == 0 || rate_hz > TELEMETRY_MOST_HZ)) {
+    if (signals != 0 && (rate_hz == 0 || rate_hz > TELEMETRY_MAX_HZ)) {
         return refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
     }
     const uint32_t stride = 1u + bits_set(signals);
@@ -73,7 +73,7 @@ struct refusal telemetry_start(struct telemetry *telemetry, uint32_t signals, ui
     return accepted();
 }
 
-size_t telemetry_read(const struct telemetry *telemetry, uint32_t *first, uint32_t most, uint8_t *out,
+size_t telemetry_read(const struct telemetry *telemetry, uint32_t *first, uint32_t max_samples, uint8_t *out,
                       size_t capacity)
 {
     const uint32_t end = telemetry->end;
@@ -87,7 +87,7 @@ size_t telemetry_read(const struct telemetry *telemetry, uint32_t *first, uint32
     } else if (*first > end) {
         *first = end;
     }
-    const uint32_t until = end - *first > most ? *first + most : end;
+    const uint32_t until = end - *first > max_samples ? *first + max_samples : end;
     for (uint32_t number = *first; number < until && length + size <= capacity; number++) {
         const uint32_t place = (number % telemetry->capacity) * telemetry->stride;
         const uint32_t *const sample = &telemetry->words[place];

@@ -1,5 +1,5 @@
-/* Samples of chosen signals for a host that watches live: a ring from which it reads by number, so that what
- * the line lost is asked for again. */
+/* Samples of chosen signals for live display: a ring that the host reads by sample number, so that it can ask
+ * again for what the line lost. */
 #ifndef TELEMETRY_H
 #define TELEMETRY_H
 
@@ -10,7 +10,7 @@
 #include "refusal.h"
 
 /* Half a second at 200 Hz of all signals, 7 KiB. */
-enum { TELEMETRY_WORDS = 1792, TELEMETRY_SIGNALS = PROTO_SIGNAL_BATTERY + 1, TELEMETRY_MOST_HZ = 200 };
+enum { TELEMETRY_WORDS = 1792, TELEMETRY_SIGNALS = PROTO_SIGNAL_BATTERY + 1, TELEMETRY_MAX_HZ = 200 };
 
 struct telemetry {
     uint16_t stream_id; /* 0: none since the start */
@@ -34,9 +34,9 @@ void telemetry_take(struct telemetry *telemetry, uint32_t now_ms, const int32_t 
 /* From the main loop. */
 struct refusal telemetry_start(struct telemetry *telemetry, uint32_t signals, uint16_t rate_hz);
 
-/* Copies at most so many samples from `*first` on, or from the oldest that is left, which *first then is;
+/* Copies up to `max_samples` samples from `*first` on, or from the oldest that is left, which *first then is;
  * returns how many bytes. */
-size_t telemetry_read(const struct telemetry *telemetry, uint32_t *first, uint32_t most, uint8_t *out,
+size_t telemetry_read(const struct telemetry *telemetry, uint32_t *first, uint32_t max_samples, uint8_t *out,
                       size_t capacity);
 
 #endif

@@ -2,28 +2,28 @@
 #include "tuning.h"
 
 #include "rounding.h"
-#include "wheel_watch.h"
+#include "wheel_watch_limits.h"
 
 static uint16_t millivolts(float volts)
 {
     return (uint16_t)clampf(volts * 1000.0f + 0.5f, 0.0f, 65535.0f);
 }
 
-/* Coarse encoders make few counts: what must be seen of a wheel, at the slowest that it creeps under
+/* Coarse encoders give few counts: adds the time for enough of them at the slowest speed under
  * stall_effort. */
-static uint16_t watch_ms(uint16_t least_ms, float metres_per_count)
+static uint16_t watch_ms(uint16_t min_ms, float metres_per_count)
 {
     const float creep_mps = 0.05f;
     const float counts = (float)(WHEEL_WATCH_DITHER_COUNTS + 1);
     const float wait_ms = 1000.0f * counts * metres_per_count / creep_mps;
-    return (uint16_t)((float)least_ms + clampf(wait_ms, 0.0f, 5000.0f));
+    return (uint16_t)((float)min_ms + clampf(wait_ms, 0.0f, 5000.0f));
 }
 
-/* A feedforward that was set to little or nothing says nothing about the robot's mass. */
+/* A feedforward set to zero or nearly so carries no information about the robot's mass. */
 static float watch_ka(float ka)
 {
-    const float least = 0.1f;
-    return ka > least ? ka : least;
+    const float min_ka = 0.1f;
+    return ka > min_ka ? ka : min_ka;
 }
 
 void tuning_from_parameters(struct tuning *tuning, const struct parameters *parameters)

@@ -29,7 +29,7 @@ struct tuning {
     float stall_effort;
     uint16_t encoder_start_ms;  /* under stall_effort a wheel at rest makes counts within this time */
     uint16_t stall_ms;          /* and one that has turned goes on within this time */
-    float watch_ka[HAL_WHEELS]; /* effort per acceleration, never so small that it could accuse */
+    float watch_ka[HAL_WHEELS]; /* effort per acceleration, with a lower bound against false faults */
 };
 
 void tuning_from_parameters(struct tuning *tuning, const struct parameters *parameters);

@@ -40,12 +40,12 @@ void velocity_control_reset(struct velocity_control *control, float speed_mps, f
     control->turning = speed_mps != 0.0f;
 }
 
-/* What the wheel was meant to do when it did what is measured now. Compared with the speed of this moment, a
- * ramp would look like an error that the feedforward has left behind, and the integral would overshoot it. */
+/* The reference at the time that the measured speed belongs to. Against the present reference, the
+ * measurement delay would look like a tracking error during a ramp, and the integral would overshoot. */
 static float meant_before(struct velocity_control *control, float age_s)
 {
-    const float most_s = tick_s * (float)VELOCITY_CONTROL_MEMORY_MS;
-    const int32_t ticks = round_to_i32(clampf(age_s, tick_s, most_s) / tick_s);
+    const float max_s = tick_s * (float)VELOCITY_CONTROL_MEMORY_MS;
+    const int32_t ticks = round_to_i32(clampf(age_s, tick_s, max_s) / tick_s);
     return control->earlier_mps[(control->next + VELOCITY_CONTROL_MEMORY_MS - (uint32_t)ticks) %
                                 VELOCITY_CONTROL_MEMORY_MS];
 }
@@ -56,9 +56,9 @@ static void remember(struct velocity_control *control)
     control->next = (uint8_t)((control->next + 1u) % VELOCITY_CONTROL_MEMORY_MS);
 }
 
-/* A loop can correct no faster than it hears of its wheel: by one count in the time that a count takes at the
- * speed meant, or at half the measured one when the wheel is much faster. The measured speed itself would
- * give a short interval between misplaced edges more weight than the long one beside it. */
+/* The loop is limited by its measurement rate: one count in the time that a count takes at the reference
+ * speed, or at half the measured speed when the wheel is much faster. The measured speed itself would weight
+ * a short interval between misplaced edges more than the long one next to it. */
 static float share_of_gain(const struct velocity_gains *gains, float meant_mps, float measured_mps)
 {
     const float full_s = tick_s * (float)VELOCITY_CONTROL_FULL_GAIN_MS;
@@ -68,8 +68,8 @@ static float share_of_gain(const struct velocity_gains *gains, float meant_mps, 
     return travel_m < gains->metres_per_count ? travel_m / gains->metres_per_count : 1.0f;
 }
 
-/* Twice the time has gone by in which the wheel should have made a count: it stands. Then the integral may
- * grow as fast as it does for any other wheel, for nothing moves that could swing. */
+/* No count for twice the expected time: the wheel stands. The integral may then grow at its full rate, since
+ * a standing wheel cannot oscillate. */
 static bool stalled(const struct velocity_gains *gains, float meant_mps, const struct wheel_measure *measured)
 {
     return measured->span_s * magnitude(meant_mps) > 2.0f * gains->metres_per_count;
@@ -83,7 +83,7 @@ static float feed_forward(const struct velocity_gains *gains, float speed_mps, f
     return known->ks * sign(speed_mps) + known->kv * speed_mps + known->ka * acceleration_mps2;
 }
 
-/* Dry friction holds a standing wheel harder than a turning one: a push until it turns, within limits. */
+/* Breakaway friction exceeds running friction: an extra effort until the wheel turns, within limits. */
 static float kick(struct velocity_control *control, const struct velocity_gains *gains, float measured_mps)
 {
     const float speed = control->tracked_mps;
@@ -104,7 +104,7 @@ float velocity_control_step(struct velocity_control *control, const struct veloc
     control->tracked_mps = slew(before, command_mps, gains->accel_limit_mps2 * tick_s);
     const float speed = control->tracked_mps;
 
-    /* A wheel that shall stand and stands needs no effort: a left-over integral would heat the motor. */
+    /* A wheel at rest with a zero command needs no effort: a residual integral would heat the motor. */
     if (speed == 0.0f && command_mps == 0.0f && still) {
         velocity_control_reset(control, 0.0f, 0.0f);
         return 0.0f;
@@ -114,7 +114,7 @@ float velocity_control_step(struct velocity_control *control, const struct veloc
         feed_forward(gains, speed, (speed - before) / tick_s) + kick(control, gains, measured->mps);
     const float error = meant_before(control, measured->age_s) - measured->mps;
     remember(control);
-    /* Travel, not speed: what one interval between edges says too much of, the next one takes back. */
+    /* Integrates travel, not speed: errors of successive edge intervals cancel. */
     const float meant_m = speed * tick_s;
     const float share = share_of_gain(gains, speed, measured->mps);
     const float integral_share = stalled(gains, speed, measured) ? 1.0f : share * share;

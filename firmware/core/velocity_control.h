@@ -7,7 +7,7 @@
 
 #include "wheel_speed.h"
 
-/* What moves a wheel in one direction. */
+/* Feedforward of one wheel in one direction. */
 struct feedforward {
     float ks; /* effort */
     float kv; /* effort per m/s */
@@ -28,12 +28,12 @@ struct velocity_gains {
 };
 
 enum {
-    /* How far back the loop remembers what it asked for. */
+    /* Length of the reference history. */
     VELOCITY_CONTROL_MEMORY_MS = 64,
     /* Gains hold while a count takes no longer than this, and fall with the rate of counts beyond. With the
      * default parameters a wheel gains 3.8 m/s a second per unit effort: the loop crosses at 7.6 rad/s. At 64
-     * counts a turn and 0.02 to 0.1 m/s, 50 ms let the loop swing at 0.1 m/s and 25 ms settled too slowly at
-     * 0.02 m/s. */
+     * counts a turn and 0.02 to 0.1 m/s, 50 ms let the loop oscillate at 0.1 m/s and 25 ms settled too slowly
+     * at 0.02 m/s. */
     VELOCITY_CONTROL_FULL_GAIN_MS = 30,
 };
 
@@ -44,7 +44,7 @@ struct velocity_control {
     float integral;     /* effort */
     float effort;       /* last output */
     uint32_t kicked_ms; /* of the kick that is under way */
-    bool turning;       /* it has moved since it stood: no kick */
+    bool turning;       /* it has moved since it stood: no more kick */
 };
 
 /* Takes over a wheel that turns at `speed_mps` under `effort`, without a jump of the command. */

@@ -9,7 +9,7 @@ enum {
     TICK_US = 1000,
     WINDOW_US = 1000 * WHEEL_SPEED_WINDOW_MS,
     PATIENCE_US = 1000 * WHEEL_SPEED_PATIENCE_MS,
-    FORGET_US = 60000000, /* a minute without an edge; long before the clock comes round */
+    FORGET_US = 60000000, /* a minute without an edge; long before the clock wraps */
 };
 
 void wheel_speed_init(struct wheel_speed *wheel, int32_t counts)
@@ -21,7 +21,7 @@ void wheel_speed_init(struct wheel_speed *wheel, int32_t counts)
         .since_us = FORGET_US,
         .edges = {{.place = counts}},
         .ahead = 1,
-        .offset = 0.5f, /* half-way to the next edge, for want of a better guess */
+        .offset = 0.5f, /* half-way to the next edge, as long as no edge is known */
     };
     for (int i = 0; i < WHEEL_SPEED_WINDOW_MS; i++) {
         wheel->history[i] = counts;
@@ -87,7 +87,7 @@ static void forget(struct wheel_speed *wheel)
 
 static void pass_edge(struct wheel_speed *wheel, struct wheel_edge edge, int8_t direction)
 {
-    if (direction != wheel->direction) { /* what was known of the other direction says nothing of this one */
+    if (direction != wheel->direction) { /* knowledge of the other direction does not apply to this one */
         forget(wheel);
         wheel->direction = direction;
     }
@@ -107,7 +107,7 @@ static void pass_edge(struct wheel_speed *wheel, struct wheel_edge edge, int8_t 
     }
 }
 
-/* An edge that nobody dated is taken to be the last of this tick's, half its share of the tick ago. */
+/* An edge without a time stamp is assumed to be the last of this tick, half an edge interval ago. */
 static struct wheel_edge edge_of(const struct wheel_motion *motion, int32_t moved)
 {
     const int32_t since = wrapped_difference(motion->counts, motion->edge_from);
@@ -115,13 +115,13 @@ static struct wheel_edge edge_of(const struct wheel_motion *motion, int32_t move
         return (struct wheel_edge){.place = moved > 0 ? wrapped_sum(motion->edge_from, 1) : motion->edge_from,
                                    .us = motion->edge_us};
     }
-    const uint32_t doubt_us = TICK_US / 2u / (uint32_t)magnitude(moved);
+    const uint32_t uncertainty_us = TICK_US / 2u / (uint32_t)magnitude(moved);
     return (struct wheel_edge){.place = moved > 0 ? motion->counts : wrapped_sum(motion->counts, 1),
-                               .us = motion->now_us - doubt_us,
-                               .doubt_us = doubt_us};
+                               .us = motion->now_us - uncertainty_us,
+                               .uncertainty_us = uncertainty_us};
 }
 
-/* Past its newest edge the wheel seems to go on at its speed, but not past an edge that has not come. */
+/* Beyond its newest edge the wheel is extrapolated at its speed, up to the next edge at most. */
 static float beyond_edge(const struct wheel_speed *wheel)
 {
     const float reach = (float)wheel->since_us * wheel->counts_per_us;
@@ -190,7 +190,7 @@ struct wheel_measure wheel_speed_from_counts(const struct wheel_speed *wheel, fl
 struct wheel_measure wheel_speed_from_edges(const struct wheel_speed *wheel, float metres_per_count)
 {
     const float since_us = (float)wheel->since_us;
-    const float silent_us = (float)(wheel->since_us - wheel->edges[wheel->newest].doubt_us);
+    const float silent_us = (float)(wheel->since_us - wheel->edges[wheel->newest].uncertainty_us);
     const float scale = (wheel->direction > 0 ? us_per_s : -us_per_s) * metres_per_count;
     const float ahead = (float)wheel->ahead;
     struct wheel_measure measure = {.moved_m = wheel->moved * metres_per_count};

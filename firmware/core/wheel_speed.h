@@ -1,9 +1,8 @@
 /* A wheel's speed and stillness from its encoder: counts, and the times of their edges.
  *
- * Speed is the counts between two edges over the time between them, so that a slow wheel is known as well as
- * a fast one, only less often. Until the next edge comes, what is known is that it has not come: the speed is
- * no higher than one count in the time since the last. So a wheel that stops is seen to slow down, with no
- * time-out that jumps to zero. */
+ * Speed is the counts between two edges over the time between them, so that a slow wheel is measured as
+ * accurately as a fast one, only less often. Until the next edge, the speed is bounded by one count in the
+ * time since the last edge. So the speed of a stopping wheel decays, with no time-out that jumps to zero. */
 #ifndef WHEEL_SPEED_H
 #define WHEEL_SPEED_H
 
@@ -12,21 +11,21 @@
 
 enum {
     /* Shortest span that a speed is worked out over. Edges of a disc are misplaced: by 0.15 count in 16 ms of
-     * 2 counts is 10 %. A longer span would delay the velocity loop by more than the 8 ms that its default
-     * gains bear with ease. It is also the window of plain counts: at 6000 counts/m one count in 16 ms is 10
-     * mm/s. */
+     * 2 counts is 10 %. A longer span would delay the velocity loop by more than the 8 ms for which its
+     * default gains have a comfortable phase margin. It is also the window of plain counts: at 6000 counts/m
+     * one count in 16 ms is 10 mm/s. */
     WHEEL_SPEED_WINDOW_MS = 16,
     /* Unequal phases of a disc cancel over a whole quadrature period, so a speed takes that many counts... */
     WHEEL_SPEED_PERIOD_COUNTS = 4,
     /* ...unless it would be older than this. */
     WHEEL_SPEED_PATIENCE_MS = 100,
     WHEEL_SPEED_EDGES = 32, /* kept; with an edge in each tick twice the window */
-    /* Still means: within WHEEL_SPEED_STILL_COUNTS of one place for this long. One edge may dither. */
+    /* Still: within WHEEL_SPEED_STILL_COUNTS of one position for this long. One edge may dither. */
     WHEEL_SPEED_STILL_MS = 100,
     WHEEL_SPEED_STILL_COUNTS = 2,
 };
 
-/* What the encoder says in one tick. */
+/* Encoder readings of one tick. */
 struct wheel_motion {
     int32_t counts;
     uint32_t now_us;
@@ -35,19 +34,19 @@ struct wheel_motion {
     int32_t edge_from;
 };
 
-/* An edge as a place: edge n lies between the counts n - 1 and n, from whichever side it is passed. */
+/* An edge's position: edge n lies between the counts n - 1 and n, from whichever side it is passed. */
 struct wheel_edge {
     int32_t place;
     uint32_t us;
-    uint32_t doubt_us; /* it may have come this much later */
+    uint32_t uncertainty_us; /* it may have come this much later */
 };
 
-/* A speed as it is known now. */
+/* The present speed estimate. */
 struct wheel_measure {
     float mps;
-    float span_s;  /* it is a mean over this time, or this long nothing has been heard */
+    float span_s;  /* averaging time, or time without an edge */
     float age_s;   /* of the middle of that time */
-    float moved_m; /* since the tick before; summed up, it is right at every edge */
+    float moved_m; /* travel since the tick before; its sum is exact at every edge */
 };
 
 struct wheel_speed {
@@ -66,10 +65,10 @@ struct wheel_speed {
     uint32_t span_us;
     uint32_t since_us; /* since the newest edge */
     int32_t ahead;     /* counts from the newest edge to the next one, which has not been passed */
-    float offset;      /* from the newest edge to where the wheel seems to be, counts */
-    float moved;       /* from where it seemed to be in the tick before, counts */
+    float offset;      /* estimated position beyond the newest edge, counts */
+    float moved;       /* change of the estimated position since the tick before, counts */
 
-    int32_t still_reference; /* the place that the wheel has kept to */
+    int32_t still_reference; /* position that the wheel has stayed near */
     uint16_t still_ms;       /* how long, up to WHEEL_SPEED_STILL_MS */
 };
 

@@ -1,5 +1,4 @@
-/* One wheel's counts held against its effort: an encoder that is lost or reversed, a wheel that is stalled.
- */
+/* Plausibility of one wheel's counts under its effort: encoder lost or reversed, wheel stalled. */
 #include "wheel_watch.h"
 
 #include "rounding.h"
@@ -9,8 +8,8 @@ static const float effort_per_e4 = 1e-4f;
 static const int32_t fast_counts = 8;
 /* What a pivot, a slope of 3 degrees or the other wheel can do against a wheel's effort. */
 static const float borne_effort = 0.1f;
-/* Efforts below this are no drive at all. */
-static const float least_effort = 0.05f;
+/* Efforts below this do not count as driving. */
+static const float min_effort = 0.05f;
 /* The speed that a wheel may reach against its effort before it is called reversed, m/s. */
 static const float free_speed_mps = 0.07f;
 /* A wheel stands below this; it is a fifth of a count a tick on the paper's robot. */
@@ -24,7 +23,7 @@ static const float chassis_share = 0.4f;
 struct wheel_push {
     float effort;
     float other_effort; /* the other wheel's, which the chassis carries over */
-    float speed_mps;    /* as velocity mode knows it: no more than the counts that did not come allow */
+    float speed_mps;    /* estimate of velocity mode: bounded by the absence of counts */
 };
 
 void wheel_watch_init(struct wheel_watch *watch, int32_t counts)
@@ -55,18 +54,18 @@ static void count_up(uint16_t *ms)
     }
 }
 
-/* More counts than any encoder makes are another fault's business, and would overflow here. */
+/* More counts than any encoder makes raise another fault, and would overflow here. */
 static int32_t within(int32_t counts)
 {
-    const int32_t most = 1000000;
-    if (counts > most) {
-        return most;
+    const int32_t bound = 1000000;
+    if (counts > bound) {
+        return bound;
     }
-    return counts < -most ? -most : counts;
+    return counts < -bound ? -bound : counts;
 }
 
-/* At the last counts of a motion: were they as dense as those before? A wheel that is stopped by anything but
- * its encoder slows down first. */
+/* Whether the last counts of a motion were as dense as those before: a wheel slows down before it stops, a
+ * failing encoder stops counting at once. */
 static int8_t sudden_end(int32_t recent, int32_t before)
 {
     recent = within(recent);
@@ -80,7 +79,7 @@ static int8_t sudden_end(int32_t recent, int32_t before)
     return before < 0 ? (int8_t)-1 : (int8_t)1;
 }
 
-/* Counts that do not come. */
+/* Missing counts. */
 static void watch_standing(struct wheel_watch *watch, const struct tuning *tuning, int32_t counts,
                            int32_t recent, int32_t before, float effort)
 {
@@ -92,8 +91,7 @@ static void watch_standing(struct wheel_watch *watch, const struct tuning *tunin
         watch->heading = away < 0 ? (int8_t)-1 : (int8_t)1;
         watch->front = wrapped_difference(counts, watch->heading);
     }
-    /* The last single count tells best how a motion ended; one phase alone gets no further than its dither.
-     */
+    /* The last single count shows best how a motion ended; one phase alone stays within its dither. */
     if (watch->heading * within(wrapped_difference(counts, watch->front)) > 0) {
         watch->front = counts;
         watch->broken_ms = 0;
@@ -105,7 +103,7 @@ static void watch_standing(struct wheel_watch *watch, const struct tuning *tunin
     } else {
         watch->standing_ms = 0;
     }
-    if (watch->broken_off != 0 && direction(effort, least_effort) == watch->broken_off) {
+    if (watch->broken_off != 0 && direction(effort, min_effort) == watch->broken_off) {
         count_up(&watch->broken_ms);
     } else {
         watch->broken_ms = 0;
@@ -119,28 +117,29 @@ static void watch_standing(struct wheel_watch *watch, const struct tuning *tunin
     watch->stalled = watch->moved && !watch->lost && watch->standing_ms >= tuning->stall_ms;
 }
 
-/* The effort took a direction: what does the motion bring along? */
-static void begin_push(struct wheel_watch *watch, int8_t pushed, float window_mps, float known_mps)
+/* The effort has taken a direction: notes the kinetic energy of the motion against it. */
+static void begin_push(struct wheel_watch *watch, int8_t effort_direction, float window_mps, float known_mps)
 {
-    const float seen = -(float)pushed * window_mps;
-    const float known = -(float)pushed * known_mps;
-    const float most = seen > known ? seen : known;
-    watch->pushed = pushed;
+    const float seen = -(float)effort_direction * window_mps;
+    const float known = -(float)effort_direction * known_mps;
+    const float speed_mps = seen > known ? seen : known;
+    watch->effort_direction = effort_direction;
     watch->work = 0.0f;
     watch->against = 0;
-    watch->brought = most > 0.0f ? 1.5f * most * most : 0.0f;
-    watch->stood = most < standing_mps;
-    watch->energy = free_speed_mps * free_speed_mps + watch->brought;
+    watch->initial_energy = speed_mps > 0.0f ? 1.5f * speed_mps * speed_mps : 0.0f;
+    watch->from_rest = speed_mps < standing_mps;
+    watch->energy = free_speed_mps * free_speed_mps + watch->initial_energy;
 }
 
-/* A wheel that stood when it was pushed, and that nothing else pushes, has no business to turn against the
- * push by more than it brought along. */
+/* A wheel that started from rest, and on which nothing else acts, cannot turn against the effort by more than
+ * its initial energy allows. */
 static bool turns_against_push(const struct wheel_watch *watch)
 {
-    return watch->stood && watch->against > WHEEL_WATCH_DITHER_COUNTS && watch->work > watch->brought;
+    return watch->from_rest && watch->against > WHEEL_WATCH_DITHER_COUNTS &&
+           watch->work > watch->initial_energy;
 }
 
-/* The first count may have been but a hair's breadth away. */
+/* The first count may have been very close. */
 static int32_t surely(int32_t counts)
 {
     return counts > 1 ? counts - 1 : 0;
@@ -154,21 +153,21 @@ static void watch_direction(struct wheel_watch *watch, const struct tuning *tuni
 {
     const float window_s = 0.001f * (float)WHEEL_WATCH_HISTORY_MS;
     const float speed_mps = (float)window_counts * tuning->metres_per_count / window_s;
-    const int8_t pushed = direction(push->effort, borne_effort);
-    const float along_mps = (float)pushed * speed_mps;
-    const int32_t along = (int32_t)pushed * within(moved);
-    if (pushed != watch->pushed) {
-        begin_push(watch, pushed, speed_mps, push->speed_mps);
+    const int8_t effort_direction = direction(push->effort, borne_effort);
+    const float along_mps = (float)effort_direction * speed_mps;
+    const int32_t along = (int32_t)effort_direction * within(moved);
+    if (effort_direction != watch->effort_direction) {
+        begin_push(watch, effort_direction, speed_mps, push->speed_mps);
     } else if (along_mps > 0.0f && along > 0) {
         watch->work = 0.0f;
         watch->against = 0;
         watch->energy = free_speed_mps * free_speed_mps;
-        watch->stood = false;
+        watch->from_rest = false;
     }
-    const float surplus = (float)pushed * push->effort - borne_effort;
+    const float surplus = (float)effort_direction * push->effort - borne_effort;
     const float other = push->other_effort < 0.0f ? -push->other_effort : push->other_effort;
     if (surplus < chassis_share * other) {
-        watch->stood = false;
+        watch->from_rest = false;
     }
     const int32_t before = surely(watch->against);
     watch->against = within(watch->against - along);
@@ -177,9 +176,10 @@ static void watch_direction(struct wheel_watch *watch, const struct tuning *tuni
     if (watch->work < 0.0f) {
         watch->work = 0.0f;
     }
-    /* Faster than any wheel is another fault's business. */
+    /* Faster than any wheel raises another fault. */
     const bool believed = along_mps > -tuning->encoder_speed_max_mps;
-    watch->reversed = pushed != 0 && believed && (watch->work > watch->energy || turns_against_push(watch));
+    watch->reversed =
+        effort_direction != 0 && believed && (watch->work > watch->energy || turns_against_push(watch));
 }
 
 void wheel_watch_step(struct wheel_watch *watch, const struct tuning *tuning, int wheel, int32_t counts,

@@ -24,7 +24,7 @@ struct hal_identity {
     uint8_t board_id[12]; /* unique device id, all zero where it cannot be read */
     uint32_t boot_id;     /* differs from one boot to the next */
     uint8_t reset_cause;  /* RCC_CSR bits 31:24 as found at reset */
-    uint32_t core_hz;     /* the core clock that start-up settled on */
+    uint32_t cpu_hz;      /* the CPU clock that start-up settled on */
     bool memory_kept;     /* memory that resets leave alone was intact at start-up */
     bool program_fault;   /* the start followed a fault of the program, see hal_fault_record */
     bool clock_fallback;  /* the crystal or the PLL failed: timing has the accuracy of the RC oscillator */
@@ -67,9 +67,19 @@ struct hal_can_frame {
     uint8_t data[8];
 };
 
+/* In the order of the schema's can_bus_state, which explains each. */
+enum hal_can_state {
+    HAL_CAN_OFF,
+    HAL_CAN_JOINING,
+    HAL_CAN_ACTIVE,
+    HAL_CAN_WARNING,
+    HAL_CAN_PASSIVE,
+    HAL_CAN_BUS_OFF
+};
+
 /* The CAN controller; its numbers count from start-up. */
 struct hal_can_report {
-    uint8_t state; /* enum proto_can_bus_state */
+    uint8_t state; /* enum hal_can_state */
     uint8_t transmit_errors;
     uint8_t receive_errors;
     uint8_t last_error; /* RM0090 CAN_ESR.LEC */
@@ -80,8 +90,8 @@ struct hal_can_report {
     uint32_t discarded;
 };
 
-/* Joins the bus, or joins it anew, and lets in the frames with these two ids. What waited to be sent is lost.
- */
+/* Joins the bus, or joins it anew, and lets in the frames with these two ids. Frames that waited to be sent
+ * are lost. */
 void hal_can_start(uint32_t bits_per_s, const uint16_t ids[2]);
 
 /* The oldest frame received; false when there is none. */
@@ -101,16 +111,16 @@ void hal_watchdog_feed(void);
  * and nothing else. The wheels must be braked. */
 enum { HAL_STORE_SLOTS = 2, HAL_STORE_SLOT_SIZE = 16384 };
 
-/* The core stands still for up to 0.8 s; `missed_ticks` are the control ticks that did not come and will not
+/* The CPU is stalled for up to 0.8 s; `missed_ticks` are the control ticks that did not come and will not
  * come. False: the memory reported an error. */
 bool hal_store_erase(uint32_t slot, uint32_t *missed_ticks);
 
-/* One 32-bit word at a multiple of 4; the core stands still for up to 0.1 ms. False: as above. */
+/* One 32-bit word at a multiple of 4; the CPU is stalled for up to 0.1 ms. False: as above. */
 bool hal_store_program(uint32_t slot, uint32_t offset, uint32_t word);
 
 void hal_store_read(uint32_t slot, uint32_t offset, uint8_t *out, size_t length);
 
-/* Memory for the log, in up to two pieces; what it holds at the start means nothing. */
+/* Memory for the log, in up to two pieces; its initial content is undefined. */
 enum { HAL_LOG_MEMORIES = 2 };
 struct hal_memory {
     uint8_t *start;

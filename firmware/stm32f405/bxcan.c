@@ -10,18 +10,17 @@
 #include "hal.h"
 #include "idle.h"
 #include "pins.h"
-#include "proto.h"
 #include "registers.h"
 
 enum {
-    RX_SIZE = 16, /* powers of two; a host sends 8 frames before it waits for leave */
+    RX_SIZE = 16, /* powers of two; a host sends 8 frames before it waits for flow control */
     TX_SIZE = 32,
     MAILBOXES = 3,
     PIN_FUNCTION_CAN1 = 9,
     /* A mode change waits for the frame under way: 160 bits, 1.6 ms at 100 kbit/s. Longer than that at the
      * fastest clock, in passes of the loop. */
     MODE_SPINS = 60000,
-    UNSENT_MS = 200,  /* a frame that nobody has acknowledged for so long is no news any more */
+    UNSENT_MS = 200,  /* a frame without acknowledgment for this long is out of date */
     BUS_OFF_MS = 100, /* pause before the controller tries again: a faulty node must not load the bus */
 };
 
@@ -62,7 +61,7 @@ void bxcan_prepare(uint32_t bus_hz)
     }
 }
 
-/* Everything that waits is given up; the caller holds CAN's interrupts off. */
+/* Discards all waiting frames; the caller holds CAN's interrupts off. */
 static void discard(void)
 {
     for (uint32_t m = 0; m < MAILBOXES; m++) {
@@ -104,7 +103,7 @@ void hal_can_start(uint32_t bits_per_s, const uint16_t ids[2])
         CAN1->btr = timing;
         let_in(ids);
         CAN1->ier = CAN_IER_TMEIE | CAN_IER_FMPIE0 | CAN_IER_BOFIE | CAN_IER_ERRIE;
-        CAN1->mcr = CAN_MCR_TXFP; /* on the bus once it has been idle for 11 bits: nobody waits for that */
+        CAN1->mcr = CAN_MCR_TXFP; /* on the bus once it has been idle for 11 bits; not waited for here */
         recovering = false;
         bus_off_ms = 0;
         on = true;
@@ -149,7 +148,7 @@ void CAN1_TX_Handler(void)
         }
     }
     feed_mailboxes();
-    /* The main loop refills in halves: woken for every frame it would do little else. */
+    /* The main loop refills in halves: waking it for every frame would cost too much. */
     if (tx_head - tx_tail == TX_SIZE / 2u || tx_head == tx_tail) {
         call = true;
         idle_end();
@@ -214,7 +213,7 @@ static void recover(void)
     }
 }
 
-/* The tick and CAN's interrupts have one priority: none comes between the others. */
+/* The tick and CAN's interrupts have one priority: none preempts another. */
 void bxcan_tick(void)
 {
     if (!on) {
@@ -273,18 +272,18 @@ void hal_can_write(const struct hal_can_frame *frame)
 static uint8_t state(uint32_t esr)
 {
     if (!on) {
-        return PROTO_CAN_BUS_STATE_OFF;
+        return HAL_CAN_OFF;
     }
     if (bus_off_ms != 0 || (esr & CAN_ESR_BOFF) != 0) {
-        return PROTO_CAN_BUS_STATE_BUS_OFF;
+        return HAL_CAN_BUS_OFF;
     }
     if ((CAN1->msr & CAN_MSR_INAK) != 0) {
-        return PROTO_CAN_BUS_STATE_JOINING;
+        return HAL_CAN_JOINING;
     }
     if ((esr & CAN_ESR_EPVF) != 0) {
-        return PROTO_CAN_BUS_STATE_PASSIVE;
+        return HAL_CAN_PASSIVE;
     }
-    return (esr & CAN_ESR_EWGF) != 0 ? PROTO_CAN_BUS_STATE_WARNING : PROTO_CAN_BUS_STATE_ACTIVE;
+    return (esr & CAN_ESR_EWGF) != 0 ? HAL_CAN_WARNING : HAL_CAN_ACTIVE;
 }
 
 void hal_can_report(struct hal_can_report *out)

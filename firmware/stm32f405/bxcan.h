@@ -8,10 +8,10 @@
 /* Prepares pins and interrupts; hal_can_start joins the bus. */
 void bxcan_prepare(uint32_t bus_hz);
 
-/* Every millisecond, from the tick: recovery from bus-off, and an end for frames that nobody takes. */
+/* Every millisecond, from the tick: recovery from bus-off, and discards frames without acknowledgment. */
 void bxcan_tick(void);
 
-/* Whether the main loop should look: frames wait to be read, or there is room for more to be sent. */
+/* Whether the main loop has work: frames wait to be read, or there is room for more to be sent. */
 bool bxcan_take_call(void);
 
 void CAN1_TX_Handler(void);

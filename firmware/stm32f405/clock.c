@@ -1,4 +1,4 @@
-/* Brings up the fastest clock that the board has to offer, and takes the next best when one does not come. */
+/* Starts the fastest clock available, and falls back to the next one when one does not start. */
 #include "clock.h"
 
 #include "cortex.h"
@@ -14,10 +14,10 @@
 /* RM0090 table 10: 150 to 168 MHz at 2.7 to 3.6 V takes five wait states. */
 #define FLASH_WAIT_STATES 5u
 
-/* Both give the PLL the 2 MHz that RM0090 section 7.3.2 recommends for least jitter, and an output of VCO
- * / 2. From the crystal, 336 MHz / 2 = 168 MHz and 336 MHz / 7 = 48 MHz for the random number generator. From
+/* Both give the PLL the 2 MHz that RM0090 section 7.3.2 recommends for least jitter, and an output of VCO /
+ * 2. From the crystal, 336 MHz / 2 = 168 MHz and 336 MHz / 7 = 48 MHz for the random number generator. From
  * the RC oscillator, 332 MHz: APB1 is then 41.5 MHz, which divides to 921600 baud within 0.07 %, where 42 MHz
- * misses it by 0.93 %. The oscillator's own error (1 % at 25 C) takes what that saves. */
+ * misses it by 0.93 %. The oscillator's own error (1 % at 25 C) uses up that margin. */
 #define PLL_FROM_CRYSTAL                                                                                     \
     (RCC_PLLCFGR_M(4) | RCC_PLLCFGR_N(168) | RCC_PLLCFGR_P_2 | RCC_PLLCFGR_SRC_HSE | RCC_PLLCFGR_Q(7))
 #define PLL_FROM_INTERNAL (RCC_PLLCFGR_M(8) | RCC_PLLCFGR_N(166) | RCC_PLLCFGR_P_2 | RCC_PLLCFGR_Q(7))
@@ -81,7 +81,7 @@ static bool prefetch_allowed(void)
     return guarded_read(DBGMCU_IDCODE_ADDRESS, &id) && (id >> 16) != IDCODE_REVISION_A;
 }
 
-/* Flash and buses are slowed down before the core speeds up; a flash that does not take it keeps the core
+/* Flash and buses are slowed down before the CPU speeds up; a flash that does not take it keeps the CPU
  * slow. */
 static bool switch_to_pll(void)
 {
@@ -97,13 +97,13 @@ static bool switch_to_pll(void)
 
 /* Buses at a fourth and a half: 42 and 84 MHz are their limits, RM0090 section 7.2. A timer runs at twice its
  * bus whenever the bus is divided. */
-static void describe_pll(struct clock *out, enum clock_source source, uint32_t core_hz)
+static void describe_pll(struct clock *out, enum clock_source source, uint32_t cpu_hz)
 {
     out->source = source;
-    out->core_hz = core_hz;
-    out->apb1_hz = core_hz / 4u;
-    out->timer_apb1_hz = core_hz / 2u;
-    out->timer_apb2_hz = core_hz;
+    out->cpu_hz = cpu_hz;
+    out->apb1_hz = cpu_hz / 4u;
+    out->timer_apb1_hz = cpu_hz / 2u;
+    out->timer_apb2_hz = cpu_hz;
 }
 
 void clock_start(struct clock *out)
@@ -114,7 +114,7 @@ void clock_start(struct clock *out)
 
     return_to_internal();
 
-    /* Scale 1, which 168 MHz needs, is the reset value; whoever jumped here may have changed it. */
+    /* Scale 1, which 168 MHz needs, is the reset value; a program that jumped here may have changed it. */
     RCC->apb1enr |= RCC_APB1ENR_PWR;
     (void)RCC->apb1enr;
     PWR_CR |= PWR_CR_VOS;
@@ -128,7 +128,7 @@ void clock_start(struct clock *out)
     } else {
         return_to_internal();
         *out = (struct clock){.source = CLOCK_INTERNAL,
-                              .core_hz = CLOCK_RESET_HZ,
+                              .cpu_hz = CLOCK_RESET_HZ,
                               .apb1_hz = CLOCK_RESET_HZ,
                               .timer_apb1_hz = CLOCK_RESET_HZ,
                               .timer_apb2_hz = CLOCK_RESET_HZ};

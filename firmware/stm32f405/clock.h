@@ -16,13 +16,13 @@ enum clock_source {
 
 struct clock {
     enum clock_source source;
-    uint32_t core_hz;       /* HCLK, and SysTick */
+    uint32_t cpu_hz;        /* HCLK, and SysTick */
     uint32_t apb1_hz;       /* USART3 */
     uint32_t timer_apb1_hz; /* TIM2 to TIM4 */
     uint32_t timer_apb2_hz; /* TIM1 */
 };
 
-/* Brings the clocks up; takes 60 ms at most, and always comes back with one that runs. */
+/* Brings the clocks up; takes 60 ms at most, and always returns with one that runs. */
 void clock_start(struct clock *out);
 
 #endif

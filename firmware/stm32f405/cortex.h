@@ -39,7 +39,7 @@ static inline void cpu_barrier(void)
     __asm volatile("dsb\n\tisb" ::: "memory");
 }
 
-/* Keeps the compiler from moving memory accesses across; the single core needs no more than that. */
+/* Keeps the compiler from moving memory accesses across; a single CPU needs no more than that. */
 static inline void compiler_barrier(void)
 {
     __asm volatile("" ::: "memory");

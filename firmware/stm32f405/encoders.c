@@ -2,9 +2,10 @@
  *
  * In encoder mode a timer captures counts, not time. So the same pins also lead to external interrupts (an
  * input stage serves both, RM0090 section 8.3.11), and the first edge after each tick reads the time from
- * TIM2. That edge silences its wheel's lines until the next tick: however fast a wheel turns, and whatever a
- * loose wire picks up, a wheel interrupts once a millisecond at most. Later edges of the same tick would add
- * nothing: speed is worked out over many ticks, and between two dated edges the counter has missed none. */
+ * TIM2. That edge silences its wheel's lines until the next tick: however fast a wheel turns, and however
+ * noisy a loose wire is, a wheel interrupts once a millisecond at most. Later edges of the same tick would
+ * add nothing: speed is worked out over many ticks, and between two dated edges the counter has missed none.
+ */
 #include "encoders.h"
 
 #include "cortex.h"
@@ -20,8 +21,8 @@ enum { FILTER = 9 };
 
 /* An edge interrupts at once but counts only behind the filter. A counter that is read this long after the
  * watch began holds every edge from before it: an edge dated after that reading is the first beyond its
- * count. The tick's own work takes longer; the loop is there in case it should not, and its limit where TIM2
- * stands still. */
+ * count. The tick's own work takes longer; the loop covers the case that it does not, and its limit the case
+ * that TIM2 does not count. */
 enum { SETTLE_US = 5, SETTLE_LIMIT = 300 };
 
 #define LEFT_LINES  (3u << 4) /* PB4, PB5 */
@@ -78,7 +79,7 @@ void encoders_start(uint32_t timer_apb1_hz)
         timer->arr = 0xFFFFu;
         timer->egr = TIM_EGR_UG;
         timer->cr1 = TIM_CR1_CKD_DIV4 | TIM_CR1_CEN;
-        /* Pull-ups serve encoders with open collectors, and hold the lines of one that is not there. */
+        /* Pull-ups serve encoders with open collectors, and hold the lines of an absent one. */
         pin_to_peripheral(GPIOB, 4u + 2u * wheel, PIN_FUNCTION_TIM3_TIM4, PULL_UP);
         pin_to_peripheral(GPIOB, 5u + 2u * wheel, PIN_FUNCTION_TIM3_TIM4, PULL_UP);
         last[wheel] = (uint16_t)timer->cnt;
@@ -148,11 +149,11 @@ void encoders_settle(void)
 {
     for (uint32_t i = 0; i < SETTLE_LIMIT && TIM2->cnt - watched_us < SETTLE_US; i++) {
     }
-    /* Apart from the tick's own counts, which a sample has been made of. */
+    /* Kept separate from the tick's own counts, which the sample already holds. */
     for (uint32_t wheel = 0; wheel < HAL_WHEELS; wheel++) {
         const uint16_t now = (uint16_t)timers[wheel]->cnt;
         const int16_t moved = (int16_t)(uint16_t)(now - last[wheel]);
-        /* An edge that is dated already is the one that has moved the counter, or that will. */
+        /* An edge that is already dated has moved the counter, or will. */
         const bool early = stamps[wheel].taken;
         settled[wheel] = early ? total[wheel] : total[wheel] + (uint32_t)moved;
         unclear[wheel] = early && (moved > 1 || moved < -1);

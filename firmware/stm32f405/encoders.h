@@ -9,11 +9,11 @@
 void encoders_start(uint32_t timer_apb1_hz);
 
 /* At the beginning of a tick: extends the 16-bit counters (call at least once in 32767 counts, which the
- * control tick does a hundredfold), takes the edge that was dated since the last tick, and watches for the
- * next one. */
+ * control tick does with a wide margin), takes the edge that was dated since the last tick, and watches for
+ * the next one. */
 void encoders_update(void);
 
-/* At the end of the same tick: notes the count that the edge watched for will leave. */
+/* At the end of the same tick: notes the count from which the next dated edge moves. */
 void encoders_settle(void);
 
 /* Counts since start of the last update, and the edge dated before it. */

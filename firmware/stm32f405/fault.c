@@ -1,4 +1,4 @@
-/* Keeps the registers of a fault where a reset does not reach them, after the bridges have been braked. */
+/* Brakes the bridges and keeps the registers of a fault in memory that survives the reset. */
 #include "fault.h"
 
 #include <stddef.h>
@@ -89,7 +89,7 @@ _Noreturn void record_fault(const struct exception_frame *frame)
     }
 }
 
-/* The clock security system has seen the crystal stop and has put the core on the 16 MHz oscillator (RM0090
+/* The clock security system has seen the crystal stop and has put the CPU on the 16 MHz oscillator (RM0090
  * section 7.2.7). Every divider is wrong from here on, so the chip starts over, and start-up finds a clock.
  */
 void NMI_Handler(void)

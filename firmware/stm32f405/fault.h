@@ -13,7 +13,7 @@ struct fault_record {
     uint32_t has_frame; /* 0: the stack had overflowed, the eight registers below mean nothing */
     uint32_t r0, r1, r2, r3, r12, lr, pc, xpsr;
     uint32_t cfsr, hfsr, mmfar, bfar; /* why, PM0214 section 4.4.10 and after */
-    uint32_t is_new;                  /* no start has taken notice of it yet */
+    uint32_t is_new;                  /* not yet reported by a start */
 };
 
 #define FAULT_MAGIC 0xFA17EDu
@@ -23,7 +23,7 @@ extern struct fault_record last_fault;
 /* True once after each fault: this start followed one. */
 bool fault_take_notice(void);
 
-/* Turns on the faults that HardFault would otherwise swallow whole. */
+/* Enables the faults that would otherwise escalate to HardFault. */
 void faults_enable(void);
 
 /* Reads a register that may not exist; false if the bus answers with an error. */

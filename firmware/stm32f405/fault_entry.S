@@ -1,4 +1,4 @@
-/* Entry of every fault and of every interrupt that nobody expects, and the one load that may fault. */
+/* Entry of every fault and of every unexpected interrupt, and the one load that may fault. */
     .syntax unified
     .cpu cortex-m4
     .thumb
@@ -66,7 +66,7 @@ move_stack:
     b       record_fault
     .size fault_entry, . - fault_entry
 
-/* Each unused vector leads here; the active exception's number tells record_fault which it was. */
+/* Each unused vector leads here; record_fault identifies it by the active exception's number. */
     .section .text.unexpected_interrupt, "ax", %progbits
     .global unexpected_interrupt
     .type unexpected_interrupt, %function

@@ -1,4 +1,4 @@
-/* Device id, boot id and reset cause, each as far as the chip it runs on gives them. */
+/* Device id, boot id and reset cause, each as far as the chip provides it. */
 #include "identity.h"
 
 #include <string.h>
@@ -7,8 +7,8 @@
 #include "hal.h"
 #include "registers.h"
 
-/* Boots since power-up, kept through resets; a power cycle leaves noise, which the magic number tells apart.
- */
+/* Boots since power-up, kept through resets; a power cycle leaves noise, which the magic number
+ * distinguishes. */
 struct boot_counter {
     uint32_t magic;
     uint32_t count;
@@ -63,7 +63,7 @@ void identity_start(const struct clock *clock)
     }
     identity.reset_cause = (uint8_t)(RCC->csr >> 24);
     RCC->csr |= RCC_CSR_RMVF; /* or the next reset would add its cause to this one's */
-    identity.core_hz = clock->core_hz;
+    identity.cpu_hz = clock->cpu_hz;
     identity.clock_fallback = clock->source != CLOCK_CRYSTAL_PLL;
 }
 

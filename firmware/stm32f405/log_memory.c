@@ -1,7 +1,7 @@
 /* The memory that the log lies in: the SRAM that is left, and the core-coupled memory where there is any.
  *
- * Core-coupled memory (RM0090 section 2.3.1) hangs on the processor's data bus alone: no peripheral reaches
- * it, which the log does not mind. Parts of the family without it answer with a bus error. */
+ * Core-coupled memory (RM0090 section 2.3.1) is connected to the processor's data bus only: no peripheral
+ * reaches it, which the log does not need. Parts of the family without it answer with a bus error. */
 #include "log_memory.h"
 
 #include <stdint.h>

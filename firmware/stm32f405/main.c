@@ -1,4 +1,4 @@
-/* The program of the board: starts the parts, runs the controller's tick each millisecond and its poll
+/* The program of the board: starts the drivers, runs the controller's tick each millisecond and its poll
  * between. */
 #include "battery.h"
 #include "bxcan.h"
@@ -21,7 +21,7 @@ enum { TICK_HZ = 1000, LED_PIN = 12, LED_MS = 500, LED_FALLBACK_MS = 125 };
 /* Processor cycles from the moment a tick was due to its end; what the README's budget is read from. */
 struct tick_cost {
     uint32_t last_cycles;
-    uint32_t most_cycles;
+    uint32_t max_cycles;
 };
 
 volatile struct tick_cost tick_cost;
@@ -41,7 +41,7 @@ static void blink(void)
     }
 }
 
-/* SysTick is pending again: the tick took more than its millisecond, and the counter has come round. */
+/* SysTick is pending again: the tick took more than its millisecond, and the counter has wrapped. */
 static bool tick_overran(void)
 {
     return (SCB_ICSR & ICSR_PENDSTSET) != 0;
@@ -51,8 +51,8 @@ static void record_cost(bool overran)
 {
     const uint32_t cycles = overran ? SYSTICK->load : SYSTICK->load - SYSTICK->val;
     tick_cost.last_cycles = cycles;
-    if (cycles > tick_cost.most_cycles) {
-        tick_cost.most_cycles = cycles;
+    if (cycles > tick_cost.max_cycles) {
+        tick_cost.max_cycles = cycles;
     }
 }
 
@@ -70,7 +70,7 @@ void SysTick_Handler(void)
     if (overran) {
         controller_note_overrun(&controller);
     }
-    idle_end(); /* the main loop feeds the watchdog and sees what waits on the line */
+    idle_end(); /* the main loop feeds the watchdog and reads the line */
 }
 
 void hal_sense(struct hal_sample *out)
@@ -108,10 +108,10 @@ static void start_peripheral_clocks(void)
     (void)RCC->apb2enr; /* a clock needs two cycles to arrive (ES0182); the read takes longer */
 }
 
-static void start_tick(uint32_t core_hz)
+static void start_tick(uint32_t cpu_hz)
 {
     SCB_SHPR(EXCEPTION_SYSTICK) = PRIORITY_TICK;
-    SYSTICK->load = core_hz / TICK_HZ - 1u;
+    SYSTICK->load = cpu_hz / TICK_HZ - 1u;
     SYSTICK->val = 0;
     SYSTICK->ctrl = SYSTICK_CTRL_CLKSOURCE | SYSTICK_CTRL_TICKINT | SYSTICK_CTRL_ENABLE;
 }
@@ -133,7 +133,7 @@ int main(void)
     controller_init(&controller);
     usart_link_start(clock.apb1_hz); /* late, or what arrives before interrupts are on would overrun */
     bxcan_prepare(clock.apb1_hz);
-    start_tick(clock.core_hz);
+    start_tick(clock.cpu_hz);
     cpu_interrupts_on();
 
     for (;;) {

@@ -7,10 +7,10 @@
  * every fault
  *
  * Slow decay (drive and brake in turn) makes mean voltage, and so speed, linear in effort; drive and coast
- * would leave the current to die at small efforts. Idle is brake, for the same reason that zero effort is: a
- * robot told nothing should stand, also on a slope. Coast is left to the times when no program runs. A change
- * of effort may be taken up in two halves, since the four compare registers are written one after the other;
- * the worst that makes is one period (50 us) of coast or brake. */
+ * would let the current decay to zero at small efforts. Idle is brake, for the same reason that zero effort
+ * is: a robot without a command should stand, also on a slope. Coast occurs only while no program runs. A
+ * change of effort may take effect in two halves, since the four compare registers are written one after the
+ * other; the worst case is one period (50 us) of coast or brake. */
 #include "motors.h"
 
 #include "hal.h"

@@ -1,4 +1,4 @@
-/* Two H-bridges with IN/IN inputs on TIM1; see hal_drive for the way to turn them. */
+/* Two H-bridges with IN/IN inputs on TIM1; see hal_drive for the sign convention. */
 #ifndef MOTORS_H
 #define MOTORS_H
 

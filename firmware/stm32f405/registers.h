@@ -1,4 +1,4 @@
-/* The registers of the STM32F405 and of its Cortex-M4 core that this firmware touches, and no others.
+/* The registers of the STM32F405 and of its Cortex-M4 CPU that this firmware touches, and no others.
  *
  * Sections are those of RM0090 (STM32F405/407 reference manual) and PM0214 (Cortex-M4 programming manual). */
 #ifndef REGISTERS_H
@@ -8,7 +8,7 @@
 
 typedef volatile uint32_t reg32;
 
-/* --- Core, PM0214 --------------------------------------------------------------------------------- */
+/* --- CPU, PM0214 ---------------------------------------------------------------------------------- */
 
 /* SysTick timer, PM0214 section 4.5. */
 struct systick {

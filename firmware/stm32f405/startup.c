@@ -12,7 +12,7 @@ extern const uint32_t __data_load[];
 
 int main(void);
 
-/* What an untouched word of the stack holds: a debugger sees how deep the stack has ever been. */
+/* What an untouched word of the stack holds: shows a debugger the deepest stack so far. */
 #define STACK_PAINT 0xC5C5C5C5u
 
 /* Words between two places of the linker script. */
@@ -28,7 +28,7 @@ static void fill(volatile uint32_t *at, uint32_t words, uint32_t value)
     }
 }
 
-/* Apart from Reset_Handler, so that nothing the compiler does with FPU registers comes before the FPU. */
+/* Apart from Reset_Handler, so that the compiler uses no FPU register before the FPU is on. */
 static _Noreturn __attribute__((noinline)) void start_program(void)
 {
     fill(__stack_limit, words_between(__stack_limit, __stack_paint_end), STACK_PAINT);

@@ -1,4 +1,4 @@
-/* The store that outlives power: flash sectors 1 and 2, erased and programmed while the core stands still.
+/* The store that outlives power: flash sectors 1 and 2, erased and programmed while the CPU is stalled.
  *
  * Code is fetched from the same flash, so that the bus holds it up until an operation is over (RM0090 section
  * 3.6): 16 us, at most 100 us, for a word, and 0.25 s, at most 0.5 s, for a sector (datasheet DocID022152,
@@ -37,7 +37,7 @@ static bool finish(void)
     }
     const bool good = (FLASH_SR & FLASH_SR_ERRORS) == 0;
     FLASH_CR = FLASH_CR_LOCK;
-    /* The data cache does not notice (RM0090 section 3.5.2), and may be reset only while it is off. */
+    /* The data cache is not updated (RM0090 section 3.5.2), and may be reset only while it is off. */
     const uint32_t acr = FLASH_ACR;
     FLASH_ACR = acr & ~FLASH_ACR_DCEN;
     FLASH_ACR = (acr & ~FLASH_ACR_DCEN) | FLASH_ACR_DCRST;
@@ -53,7 +53,7 @@ static uint32_t cycles_since_tick(void)
         const uint32_t before = SYSTICK->val;
         const bool waits = (SCB_ICSR & ICSR_PENDSTSET) != 0;
         const uint32_t after = SYSTICK->val;
-        if (after <= before) { /* it did not come round in between */
+        if (after <= before) { /* it did not wrap in between */
             return SYSTICK->load - after + (waits ? SYSTICK->load + 1u : 0u);
         }
     }

@@ -1,4 +1,4 @@
-/* Moves bytes between USART3 and two rings, by interrupt; the tick helps the transmitter along.
+/* Moves bytes between USART3 and two rings, by interrupt; the tick feeds the transmitter as well.
  *
  * Each ring has one writer and one reader: the interrupt and the main loop. Indices run freely and are masked
  * on access, so that full and empty differ. The transmit ring has a second reader, the tick, which masks the
@@ -14,9 +14,8 @@
 /* Powers of two. The largest frame is 1041 bytes on the wire: three of them fit either way. */
 enum { RX_SIZE = 4096, TX_SIZE = 4096, PIN_FUNCTION_USART3 = 7 };
 
-/* The main loop is called for a whole frame, not for each byte: it would spend more on waking than on
- * reading. What waits without an end (noise, a frame under way) is fetched by the poll that follows each
- * tick. */
+/* The main loop is called for a whole frame, not for each byte: waking would cost more than reading. Bytes
+ * without a frame end (noise, a frame under way) are fetched by the poll that follows each tick. */
 enum { FRAME_END = 0, RX_CALL = RX_SIZE / 2 };
 
 /* The real port takes two bytes at most; this bounds the tick where a port is always ready. */
@@ -32,7 +31,7 @@ static volatile bool rx_call;     /* set by the interrupt, taken by the main loo
 static volatile uint32_t rx_head; /* written by the interrupt */
 static volatile uint32_t rx_tail; /* written by the main loop */
 static volatile uint32_t tx_head; /* written by the main loop */
-static volatile uint32_t tx_tail; /* written by whoever feeds the port */
+static volatile uint32_t tx_tail; /* written by the interrupt or the tick */
 
 void usart_link_start(uint32_t bus_hz)
 {
@@ -77,7 +76,7 @@ static void receive(uint32_t status)
     }
 }
 
-/* Sends up to `limit` bytes while the port takes them. The caller keeps the other feeder out. */
+/* Sends up to `limit` bytes while the port takes them. The caller excludes the other feeder. */
 static void transmit(uint32_t limit)
 {
     uint32_t tail = tx_tail;

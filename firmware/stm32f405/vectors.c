@@ -62,5 +62,5 @@ __attribute__((section(".vectors"), used)) static const struct vector_table vect
 };
 /* clang-format on */
 
-/* Says what an image is to whoever looks at the bytes; `strings truing-f405.bin`. */
+/* Identifies the image within its bytes: `strings truing-f405.bin`. */
 __attribute__((section(".image_name"), used)) static const char image_name[] = "truing-f405 " TRUING_VERSION;

@@ -24,7 +24,7 @@ static uint32_t length(const struct adc *a)
     return (a->cr1 & SCAN) != 0 ? (a->sqr[0] >> 20 & 0xFu) + 1 : 1;
 }
 
-/* Core cycles from start to end: sampling plus one cycle of the ADC's clock for each bit. */
+/* CPU cycles from start to end: sampling plus one cycle of the ADC's clock for each bit. */
 static uint64_t conversion_cycles(const struct board *b, const struct adc *a)
 {
     static const uint16_t sampling[] = {3, 15, 28, 56, 84, 112, 144, 480};
@@ -48,8 +48,8 @@ static double voltage(struct board *b, uint32_t c)
     }
     struct board_pin pin = pins[c];
     if ((b->gpio[pin.port - 'A'].moder >> (2 * pin.number) & 3u) != 3) {
-        note_oddity(b, 0xF0000090u + c, "ADC converts channel %u, but P%c%u is not in analogue mode",
-                    (unsigned)c, pin.port, (unsigned)pin.number);
+        warn_once(b, 0xF0000090u + c, "ADC converts channel %u, but P%c%u is not in analogue mode",
+                  (unsigned)c, pin.port, (unsigned)pin.number);
     }
     return b->options.wires.pin_voltage(b->options.wires.context, pin, time_to_ps(b, b->moment));
 }
@@ -94,7 +94,7 @@ void adc_event(struct board *b, int adc)
     a->busy = false;
     bool watched = (a->cr2 & EOCS) != 0;
     if (watched && (a->sr & EOC) != 0) {
-        a->sr |= OVR; /* nobody fetched the last result: conversions stop (RM0090 13.8.2) */
+        a->sr |= OVR; /* the last result was not read: conversions stop (RM0090 13.8.2) */
         update_line(b);
         return;
     }
@@ -112,7 +112,7 @@ void adc_event(struct board *b, int adc)
     update_line(b);
 }
 
-/* A conversion that was under way when it died takes its whole time once it lives again. */
+/* A conversion that was under way at the failure takes its full time after the repair. */
 void adc_set_dead(struct board *b, bool dead)
 {
     const bool revives = b->adc_dead && !dead;
@@ -140,7 +140,7 @@ static void write_cr2(struct board *b, int adc, uint32_t value)
     bool was_on = (a->cr2 & ADON) != 0;
     a->cr2 = value & ~SWSTART;
     if ((value & (3u << 28 | 3u << 20 | 1u << 22 | 1u << 8)) != 0) {
-        note_oddity(b, 0xF00000B0u, "ADC triggers, injected conversions and DMA are not modelled");
+        warn_once(b, 0xF00000B0u, "ADC triggers, injected conversions and DMA are not modelled");
     }
     if ((value & ADON) == 0) {
         a->busy = false;

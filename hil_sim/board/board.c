@@ -54,7 +54,7 @@ struct board *board_create(const struct board_options *options)
     }
     bool memory = b->flash_array != NULL && b->flash_before != NULL && b->sram != NULL && b->ccm != NULL &&
                   b->system != NULL && b->flash_blocks != NULL;
-    if (!memory || !core_open(b)) {
+    if (!memory || !cpu_open(b)) {
         board_destroy(b);
         return NULL;
     }
@@ -143,9 +143,9 @@ void board_reset(struct board *board, enum board_reset cause)
     if (cause == BOARD_RESET_POWER) {
         board->rcc.csr = cause_flags[cause];
     }
-    core_reset(board);
+    cpu_reset(board);
     pins_update(board);
-    core_update_break(board);
+    cpu_update_break(board);
 }
 
 void board_power(struct board *board, bool on)
@@ -162,7 +162,7 @@ void board_power(struct board *board, bool on)
         board->powered = false;
         board->needs_check = true; /* leave the engine at the next block */
         pins_update(board);
-        core_update_break(board);
+        cpu_update_break(board);
     }
 }
 
@@ -209,7 +209,7 @@ void board_cut_power_at_flash_write(struct board *board, int64_t operations)
 void board_cut_power_at_instruction(struct board *board, int64_t instructions)
 {
     board->cut_at_instruction = instructions < 0 ? NEVER : board->stats.instructions + (uint64_t)instructions;
-    core_update_break(board);
+    cpu_update_break(board);
 }
 
 void board_run_until(struct board *board, uint64_t time_ps)
@@ -219,13 +219,13 @@ void board_run_until(struct board *board, uint64_t time_ps)
     }
     board->target_ps = time_ps;
     board->target = time_to_cycle(board, time_ps);
-    core_update_break(board);
-    core_run(board);
+    cpu_update_break(board);
+    cpu_run(board);
 }
 
 bool board_read_memory(const struct board *board, uint32_t address, uint8_t *out, size_t length)
 {
-    const uint8_t *memory = core_memory(board, address, length, false);
+    const uint8_t *memory = cpu_memory(board, address, length, false);
     if (memory != NULL) {
         memcpy(out, memory, length);
     }
@@ -234,7 +234,7 @@ bool board_read_memory(const struct board *board, uint32_t address, uint8_t *out
 
 bool board_write_memory(struct board *board, uint32_t address, const uint8_t *data, size_t length)
 {
-    uint8_t *memory = core_memory(board, address, length, true);
+    uint8_t *memory = cpu_memory(board, address, length, true);
     if (memory != NULL) {
         memcpy(memory, data, length);
         uc_ctl_remove_cache(board->uc, address, (uint64_t)address + length);
@@ -257,7 +257,7 @@ void board_stats(const struct board *board, struct board_stats *out)
 {
     *out = board->stats;
     out->cycles = board->now;
-    out->core_hz = board->clock.hz;
+    out->cpu_hz = board->clock.hz;
     out->locked_up = board->locked_up;
     out->powered = board->powered;
 }

@@ -1,5 +1,5 @@
-/* The virtual board: an STM32F405 that runs the image that is flashed, seen from its pins and its power plug.
- */
+/* The virtual board: an STM32F405 that runs the image that is flashed, modelled at its pins and its
+ * supply. */
 #ifndef BOARD_H
 #define BOARD_H
 
@@ -22,7 +22,7 @@ enum board_reset {
     BOARD_RESET_BROWNOUT, /* supply dipped: SRAM keeps its content */
     BOARD_RESET_PIN,      /* NRST pulled low */
     BOARD_RESET_SOFTWARE, /* AIRCR.SYSRESETREQ */
-    BOARD_RESET_WATCHDOG  /* IWDG starved */
+    BOARD_RESET_WATCHDOG  /* IWDG ran out */
 };
 
 /* What is soldered around the chip. Every time is virtual, in picoseconds since creation. */
@@ -33,7 +33,7 @@ struct board_wires {
     void (*pin_driven)(void *context, struct board_pin pin, double duty, uint64_t time_ps);
     /* Position of an encoder wired with board_wire_encoder, in quadrature counts (x4). */
     int64_t (*encoder_position)(void *context, int encoder, uint64_t time_ps);
-    /* A time after this one up to which that position surely stays what it is; it may change there. */
+    /* A later time before which that position cannot change; it may change there. */
     uint64_t (*encoder_quiet_until)(void *context, int encoder, uint64_t time_ps);
     /* Voltage at an analogue pin. */
     double (*pin_voltage)(void *context, struct board_pin pin, uint64_t time_ps);
@@ -67,13 +67,13 @@ void board_watch_pin(struct board *board, struct board_pin pin);
 /* Wires encoder (0..3) with phase A to one pin and phase B to another. */
 void board_wire_encoder(struct board *board, int encoder, struct board_pin a, struct board_pin b);
 
-/* The power plug and the reset button. */
+/* Supply and reset button. */
 void board_power(struct board *board, bool on);
 void board_reset(struct board *board, enum board_reset cause);
 
 /* The crystal stops (or starts) now. */
 void board_set_crystal(struct board *board, bool alive);
-/* The crystal's frequency from now on, as it is and not as it is marked. */
+/* The crystal's true frequency from now on, not the nominal one. */
 void board_set_crystal_hz(struct board *board, uint32_t hz);
 /* Flash takes the longest times of the datasheet instead of the typical ones. */
 void board_set_flash_slow(struct board *board, bool slow);
@@ -82,9 +82,9 @@ void board_set_adc_dead(struct board *board, bool dead);
 /* An interrupt's request line is stuck: its handler is called again as soon as it has returned. */
 void board_set_interrupt_stuck(struct board *board, unsigned irq, bool stuck);
 /* The flash operation after this many more stops half way, at a point drawn by the seed, and the board loses
-   power; negative: never. Power that fails, or a reset that comes, at any other time tears the operation
-   under way by the share of its time gone by. Torn means: each bit that was to change has or has not, by a
-   draw. */
+ * power; negative: never. Power that fails, or a reset that comes, at any other time tears the operation
+ * under way by the share of its time gone by. Torn means: each bit that was to change has changed or not, by
+ * a random draw. */
 void board_cut_power_at_flash_write(struct board *board, int64_t operations);
 /* The board loses power after this many more instructions, at the end of the stretch of code without a branch
    in which the last one lies; negative: never. */
@@ -101,18 +101,18 @@ size_t board_usart_inbound(const struct board *board, int usart);
 
 /* CAN1, as the bus sees it. Unattached, its receive line is held dominant: the controller never joins. */
 void board_can_attach(struct board *board, bool attached);
-/* The frame that the controller wants to send most, and since when; false: none, or it is not on the bus. */
+/* The frame that the controller sends next, and since when it waits; false: none, or it is not on the bus. */
 bool board_can_offer(const struct board *board, struct board_can_frame *frame, uint64_t *since_ps);
-/* Its bit rate when it hears the bus, else 0. `acknowledges`: it is not silent. */
+/* Its bit rate when it listens to the bus, else 0. `acknowledges`: it is not in silent mode. */
 double board_can_bit_rate(const struct board *board, bool *acknowledges);
 
 enum board_can_outcome { BOARD_CAN_SENT, BOARD_CAN_UNACKNOWLEDGED, BOARD_CAN_DAMAGED };
-/* What became of the offer, once that time has come. Until then the controller offers nothing else. */
+/* Reports the outcome of that frame, effective at that time. Until then the controller sends nothing else. */
 void board_can_conclude(struct board *board, enum board_can_outcome outcome, uint64_t end_ps);
 /* A frame of another node ends at that time. Damaged: an error frame ended it. */
 void board_can_deliver(struct board *board, const struct board_can_frame *frame, bool damaged,
                        uint64_t end_ps);
-/* Bits from start to the end of the frame, stuff bits included, the three bits of pause after it not. */
+/* Bits of the frame including stuff bits, without the three bits of intermission after it. */
 uint32_t board_can_bits(const struct board_can_frame *frame);
 
 /* Memory as a debugger sees it: no side effects on registers. False: not memory. */
@@ -126,7 +126,7 @@ uint64_t board_trace_count(const struct board *board);
 /* When SysTick next reaches zero, picoseconds of virtual time; UINT64_MAX: never. */
 uint64_t board_next_tick_ps(const struct board *board);
 
-enum { BOARD_EXCEPTIONS = 98 }; /* 16 of the core, 82 of the chip */
+enum { BOARD_EXCEPTIONS = 98 }; /* 16 of the CPU, 82 of the chip */
 
 /* Cost of one exception number (0: thread mode). Nested exceptions are not counted in. */
 struct board_cost {
@@ -139,21 +139,21 @@ struct board_cost {
 void board_cost(const struct board *board, unsigned exception, struct board_cost *out);
 
 struct board_stats {
-    uint64_t cycles;       /* of the core's clock, asleep or not */
+    uint64_t cycles;       /* of the CPU clock, asleep or not */
     uint64_t sleep_cycles; /* in WFI */
     uint64_t instructions;
     uint64_t interrupts;
     uint64_t tail_chains;
     uint64_t registers; /* peripheral accesses */
     uint64_t resets;
-    uint32_t core_hz;
+    uint32_t cpu_hz;
     bool locked_up; /* a fault inside the hard fault handler: only a reset helps */
     bool powered;
 };
 void board_stats(const struct board *board, struct board_stats *out);
 
-/* Oddities met so far: registers not modelled, peripherals without clock, pins not routed. One line each,
-   NULL past the end; hits counts how often. */
+/* Warnings so far: registers not modelled, peripherals without clock, pins not routed. One line each, NULL
+ * past the end; `hits` counts the occurrences. */
 const char *board_warning(const struct board *board, size_t index, uint64_t *hits);
 
 #pragma GCC visibility pop

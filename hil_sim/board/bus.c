@@ -1,4 +1,4 @@
-/* The buses: which peripheral answers at which address, whether it has a clock, and what nobody models. */
+/* The buses: which peripheral lies at which address, whether it has a clock, and what is not modelled. */
 #include "machine.h"
 
 #include <stdarg.h>
@@ -43,7 +43,7 @@ static const struct region {
 } regions[] = {{0x40000000, 0x8000},   {0x40010000, 0x5000},    {0x40020000, 0x60000}, {0x50000000, 0x61000},
                {0xE0000000, 0x100000}, {0x42000000, 0x2000000}, {0x22000000, 0x400000}};
 
-void note_oddity(struct board *b, uint32_t key, const char *format, ...)
+void warn_once(struct board *b, uint32_t key, const char *format, ...)
 {
     for (size_t i = 0; i < b->warning_count; i++) {
         if (b->warnings[i].key == key) {
@@ -110,7 +110,7 @@ static void reset_one(struct board *b, const struct peripheral *p)
     }
 }
 
-/* The RCC's reset registers: bits of one bus that go high reset what hangs there. */
+/* The RCC's reset registers: bits of one bus that go high reset its peripherals. */
 void bus_reset_peripherals(struct board *b, unsigned rcc_bus, uint32_t bits)
 {
     for (size_t i = 0; i < PERIPHERALS; i++) {
@@ -191,7 +191,7 @@ static void access_word(struct board *b, uint32_t address, bool write, uint32_t 
     } else {
         p = find(b, address);
         if (p != NULL && !has_clock(b, p)) {
-            note_oddity(b, p->base | 1u, "%s accessed while its clock is off", p->name);
+            warn_once(b, p->base | 1u, "%s accessed while its clock is off", p->name);
             return;
         }
         uint32_t offset = p != NULL ? address - p->base : 0;
@@ -200,11 +200,11 @@ static void access_word(struct board *b, uint32_t address, bool write, uint32_t 
     if (!known) {
         const char *verb = write ? "written" : "read";
         if (p != NULL) {
-            note_oddity(b, address ^ (write ? 2u : 0), "%s register 0x%02X is not modelled (%s)", p->name,
-                        (unsigned)(address - p->base), verb);
+            warn_once(b, address ^ (write ? 2u : 0), "%s register 0x%02X is not modelled (%s)", p->name,
+                      (unsigned)(address - p->base), verb);
         } else {
-            note_oddity(b, address ^ (write ? 2u : 0), "register 0x%08X is not modelled (%s)",
-                        (unsigned)address, verb);
+            warn_once(b, address ^ (write ? 2u : 0), "register 0x%08X is not modelled (%s)",
+                      (unsigned)address, verb);
         }
     }
 }
@@ -246,7 +246,7 @@ static uint32_t read_any(struct board *b, uint32_t address, unsigned size)
     if (!own_lanes) {
         lane = address & 3u;
     }
-    const uint8_t *memory = core_memory(b, address - lane, 4, false);
+    const uint8_t *memory = cpu_memory(b, address - lane, 4, false);
     if (memory != NULL) {
         memcpy(&value, memory, sizeof value);
     } else {
@@ -258,7 +258,7 @@ static uint32_t read_any(struct board *b, uint32_t address, unsigned size)
 
 static void write_any(struct board *b, uint32_t address, uint32_t value, unsigned size)
 {
-    uint8_t *memory = core_memory(b, address, size, true);
+    uint8_t *memory = cpu_memory(b, address, size, true);
     if (memory != NULL) {
         memcpy(memory, &value, size);
         return;

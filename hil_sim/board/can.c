@@ -13,7 +13,7 @@ enum { TMEIE = 1 << 0, EWGIE = 1 << 8, EPVIE = 1 << 9, BOFIE = 1 << 10, LECIE = 
 enum { EWGF = 1 << 0, EPVF = 1 << 1, BOFF = 1 << 2 };
 enum { TXRQ = 1 << 0, REMOTE = 1 << 1, EXTENDED = 1 << 2 };
 enum { LEC_STUFF = 1, LEC_ACKNOWLEDGMENT = 3, LEC_BIT = 5 };
-enum { DELIVERED = 8, DELIVERED_DAMAGED }; /* happenings besides the outcomes */
+enum { DELIVERED = 8, DELIVERED_DAMAGED }; /* events besides the outcomes */
 enum { IDLE_BITS = 11, RECOVERY_BITS = 128 * 11, SUSPEND_BITS = 8, PAUSE_BITS = 3 };
 #define LOOPBACK (1u << 30)
 #define SILENT   (1u << 31)
@@ -125,7 +125,7 @@ static void happen_at(struct board *b, uint64_t at_ps, uint8_t kind, const struc
     schedule(b);
 }
 
-/* In loopback the controller hears itself and not the bus (32.5.2); its own timing decides. */
+/* In loopback the controller receives its own frames and not the bus's (32.5.2), with its own timing. */
 static void loop_back(struct board *b)
 {
     struct can *c = &b->can;
@@ -168,7 +168,7 @@ void can_join_event(struct board *b)
     loop_back(b);
 }
 
-/* After each change of the counters: flags that rise may ask for an interrupt (32.8, CAN_IER). */
+/* After each change of the counters: flags that rise may raise an interrupt (32.8, CAN_IER). */
 static void note_error(struct board *b, uint32_t before, uint32_t code)
 {
     struct can *c = &b->can;
@@ -406,7 +406,7 @@ static void write_tsr(struct can *c, uint32_t value)
         }
         if ((lane & ABRQ) != 0 && (c->tx[m].ir & TXRQ) != 0) {
             if (c->sending == m) {
-                c->tsr |= (uint32_t)ABRQ << (8 * m); /* it may still get through */
+                c->tsr |= (uint32_t)ABRQ << (8 * m); /* it may still be sent */
             } else {
                 finish_mailbox(c, m, 0);
             }
@@ -420,7 +420,7 @@ static void write_mailbox(struct board *b, int m, uint32_t word, uint32_t value)
     struct can_box *box = &c->tx[m];
     uint32_t *const words[] = {&box->ir, &box->dtr, &box->dlr, &box->dhr};
     if ((c->tsr & (uint32_t)TME0 << m) == 0) {
-        note_oddity(b, 0xF0000090u, "CAN1: a mailbox is written while it is full: ignored");
+        warn_once(b, 0xF0000090u, "CAN1: a mailbox is written while it is full: ignored");
         return;
     }
     *words[word] = value;
@@ -468,7 +468,7 @@ static void write_control(struct board *b, uint32_t offset, uint32_t value)
         break;
     default:
         if ((c->msr & INAK) == 0) {
-            note_oddity(b, 0xF0000091u, "CAN1: bit timing written outside of initialization: ignored");
+            warn_once(b, 0xF0000091u, "CAN1: bit timing written outside of initialization: ignored");
         } else {
             c->btr = value;
         }
@@ -518,7 +518,7 @@ static bool access_filters(struct board *b, uint32_t offset, bool write, uint32_
     if (!write) {
         *value = *word;
     } else if ((c->fmr & FINIT) == 0 && word != &c->fmr && word != &c->fa1r) {
-        note_oddity(b, 0xF0000092u, "CAN1: a filter is written outside of its initialization: ignored");
+        warn_once(b, 0xF0000092u, "CAN1: a filter is written outside of its initialization: ignored");
     } else {
         *word = *value;
     }

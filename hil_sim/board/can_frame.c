@@ -1,5 +1,4 @@
-/* The length of a CAN frame on the wire: its bits as ISO 11898-1 lays them out, with the stuff bits they
- * need. */
+/* The length of a CAN frame on the wire: its bits after ISO 11898-1, stuff bits included. */
 #include "board.h"
 
 enum {

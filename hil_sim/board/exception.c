@@ -15,7 +15,7 @@ enum {
 #define CONTROL_SPSEL 2u
 #define CONTROL_FPCA  4u
 #define CONTROL_SFPA                                                                                         \
-    8u /* the engine's core believes in TrustZone: without this bit it begins a new FP context */
+    8u /* the engine's CPU model implements TrustZone: without this bit it begins a new FP context */
 #define XPSR_T        (1u << 24)
 #define XPSR_ALIGN    (1u << 9)
 #define CCR_STKALIGN  (1u << 9)
@@ -37,16 +37,16 @@ static_assert(sizeof(struct entry_state) == (size_t)4 * ENTRY_REGISTERS, "one wo
 static void lock_up(struct board *b)
 {
     b->locked_up = true;
-    note_oddity(b, 0xF0000001u, "core locked up: a fault that no handler could take");
+    warn_once(b, 0xF0000001u, "CPU locked up: a fault that no handler could take");
 }
 
 static void spend(struct board *b, uint64_t cycles)
 {
     b->now += cycles;
-    core_count(b, 0, cycles);
+    cpu_count(b, 0, cycles);
 }
 
-/* Books: what the running exception has cost so far is set aside while another one runs. */
+/* Accounting: the cost of the running exception is set aside while another one runs. */
 static void begin_activation(struct board *b, unsigned exception)
 {
     b->depth++;
@@ -67,23 +67,23 @@ static void end_activation(struct board *b)
     b->depth--;
 }
 
-/* Puts the core into the handler; xPSR first, because it decides which stack pointer SP is. */
+/* Puts the CPU into the handler; xPSR first, because it decides which stack pointer SP is. */
 static void enter_handler(struct board *b, unsigned exception, uint32_t xpsr, uint32_t control,
                           uint32_t exc_return)
 {
     uint32_t vector = 0;
-    const uint8_t *entry = core_memory(b, b->scb.vtor + 4 * exception, 4, false);
+    const uint8_t *entry = cpu_memory(b, b->scb.vtor + 4 * exception, 4, false);
     if (entry == NULL) {
         lock_up(b);
         return;
     }
     memcpy(&vector, entry, sizeof vector);
-    core_set(b, UC_ARM_REG_XPSR_NZCVQG, (xpsr & 0xF80F0000u) | XPSR_T | exception);
+    cpu_set(b, UC_ARM_REG_XPSR_NZCVQG, (xpsr & 0xF80F0000u) | XPSR_T | exception);
     if ((control & ~1u) != 0) {
-        core_set(b, UC_ARM_REG_CONTROL, control & 1u);
+        cpu_set(b, UC_ARM_REG_CONTROL, control & 1u);
     }
     static const int registers[] = {UC_ARM_REG_LR, UC_ARM_REG_PC};
-    core_set_many(b, registers, (uint32_t[]){exc_return, vector | 1u}, 2);
+    cpu_set_many(b, registers, (uint32_t[]){exc_return, vector | 1u}, 2);
     b->it_left = 0;
     nvic_pend(b, exception, false);
     nvic_set_active(b, exception, true);
@@ -107,16 +107,16 @@ static uint32_t push_frame(struct board *b, uint32_t return_pc, const struct ent
             uc_reg_read(b->uc, UC_ARM_REG_D0 + i, &pair);
             memcpy(&words[FRAME_WORDS + 2 * i], &pair, sizeof pair);
         }
-        words[24] = core_get(b, UC_ARM_REG_FPSCR);
+        words[24] = cpu_get(b, UC_ARM_REG_FPSCR);
     }
-    uint8_t *frame = core_memory(b, base, size, true);
+    uint8_t *frame = cpu_memory(b, base, size, true);
     if (frame == NULL) {
         b->scb.cfsr |= 1u << 12; /* STKERR */
         lock_up(b);
         return 0;
     }
     memcpy(frame, words, size);
-    core_set(b, UC_ARM_REG_SP, base);
+    cpu_set(b, UC_ARM_REG_SP, base);
     if (fp) {
         b->scb.fpcar = base + 4u * FRAME_WORDS;
     }
@@ -126,7 +126,7 @@ static uint32_t push_frame(struct board *b, uint32_t return_pc, const struct ent
 static void enter(struct board *b, unsigned exception, uint32_t return_pc)
 {
     struct entry_state state;
-    core_get_many(b, frame_registers, (uint32_t *)&state, ENTRY_REGISTERS);
+    cpu_get_many(b, frame_registers, (uint32_t *)&state, ENTRY_REGISTERS);
     const uint32_t control = state.control;
     bool handler = (state.xpsr & 0x1FFu) != 0;
     bool fp = (control & CONTROL_FPCA) != 0 && (b->scb.fpccr & FPCCR_ASPEN) != 0;
@@ -157,8 +157,8 @@ static void pop_frame(struct board *b, uint32_t exc_return)
     bool thread = (exc_return & RETURN_THREAD) != 0;
     bool psp = (exc_return & RETURN_PSP) != 0;
     uint32_t size = 4u * (fp ? FP_FRAME_WORDS : FRAME_WORDS);
-    uint32_t base = core_get(b, psp ? UC_ARM_REG_PSP : UC_ARM_REG_MSP);
-    const uint8_t *frame = core_memory(b, base, size, false);
+    uint32_t base = cpu_get(b, psp ? UC_ARM_REG_PSP : UC_ARM_REG_MSP);
+    const uint8_t *frame = cpu_memory(b, base, size, false);
     if (frame == NULL) {
         b->scb.cfsr |= 1u << 11; /* UNSTKERR */
         lock_up(b);
@@ -169,7 +169,7 @@ static void pop_frame(struct board *b, uint32_t exc_return)
     uint32_t sp = base + size + ((words[7] & XPSR_ALIGN) != 0 ? 4 : 0);
     uint32_t xpsr = words[7] & ~XPSR_ALIGN;
     if (thread != ((xpsr & 0x1FFu) == 0)) {
-        exception_fault(b, EXC_USAGE_FAULT, 1u << 18, core_get(b, UC_ARM_REG_PC)); /* INVPC */
+        exception_fault(b, EXC_USAGE_FAULT, 1u << 18, cpu_get(b, UC_ARM_REG_PC)); /* INVPC */
         return;
     }
     /* xPSR with IPSR decides what SP means; the condition and IT bits come with it. */
@@ -183,12 +183,12 @@ static void pop_frame(struct board *b, uint32_t exc_return)
                          UC_ARM_REG_LR,
                          UC_ARM_REG_PC};
     uint32_t values[] = {sp, xpsr, words[0], words[1], words[2], words[3], words[4], words[5], words[6] | 1u};
-    core_set_many(b, order, values, sizeof order / sizeof order[0]);
-    uint32_t before = core_get(b, UC_ARM_REG_CONTROL);
+    cpu_set_many(b, order, values, sizeof order / sizeof order[0]);
+    uint32_t before = cpu_get(b, UC_ARM_REG_CONTROL);
     uint32_t control =
         (before & 1u) | (thread && psp ? CONTROL_SPSEL : 0) | (fp ? CONTROL_FPCA | CONTROL_SFPA : 0);
     if (control != before) {
-        core_set(b, UC_ARM_REG_CONTROL, control);
+        cpu_set(b, UC_ARM_REG_CONTROL, control);
     }
     if (fp) {
         for (int i = 0; i < 8; i++) {
@@ -196,7 +196,7 @@ static void pop_frame(struct board *b, uint32_t exc_return)
             memcpy(&pair, &words[FRAME_WORDS + 2 * i], sizeof pair);
             uc_reg_write(b->uc, UC_ARM_REG_D0 + i, &pair);
         }
-        core_set(b, UC_ARM_REG_FPSCR, words[24]);
+        cpu_set(b, UC_ARM_REG_FPSCR, words[24]);
     }
     uint32_t it = ((xpsr >> 8) & 0xFCu) | ((xpsr >> 25) & 3u);
     b->it_left = (it & 0xFu) != 0 ? 4u - (uint32_t)__builtin_ctz(it & 0xFu) : 0;
@@ -213,7 +213,7 @@ static bool chains(struct board *b)
 
 void exception_return(struct board *b, uint32_t exc_return)
 {
-    uint32_t xpsr = core_get(b, UC_ARM_REG_XPSR);
+    uint32_t xpsr = cpu_get(b, UC_ARM_REG_XPSR);
     unsigned exception = xpsr & 0x1FFu;
     uint32_t kind = exc_return & 0xFu;
     bool known = (exc_return & 0xFFFFFFE0u) == 0xFFFFFFE0u && (kind == 1 || kind == 9 || kind == 0xD);
@@ -223,9 +223,8 @@ void exception_return(struct board *b, uint32_t exc_return)
         return;
     }
     if (exception != EXC_NMI) {
-        if (core_get(b, UC_ARM_REG_FAULTMASK) !=
-            0) { /* cleared by every return but the NMI's, PM0214 2.1.3 */
-            core_set(b, UC_ARM_REG_FAULTMASK, 0);
+        if (cpu_get(b, UC_ARM_REG_FAULTMASK) != 0) { /* cleared by every return but the NMI's, PM0214 2.1.3 */
+            cpu_set(b, UC_ARM_REG_FAULTMASK, 0);
         }
     }
     nvic_set_active(b, exception, false);
@@ -234,7 +233,7 @@ void exception_return(struct board *b, uint32_t exc_return)
         spend(b, CHAIN_CYCLES);
         end_activation(b);
         b->stats.tail_chains++;
-        enter_handler(b, b->nvic.best, xpsr, core_get(b, UC_ARM_REG_CONTROL), exc_return);
+        enter_handler(b, b->nvic.best, xpsr, cpu_get(b, UC_ARM_REG_CONTROL), exc_return);
         return;
     }
     spend(b, EXIT_CYCLES + ((exc_return & RETURN_NO_FP) == 0 ? FP_CYCLES : 0));

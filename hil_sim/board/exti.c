@@ -1,8 +1,7 @@
 /* External interrupts: edges at the pins of wired encoders, and by software; RM0090 section 12.2.
  *
- * An edge at a pin is not looked for at every moment. The wires say up to when an encoder surely rests; an
- * event waits there, and only for lines that would interrupt. What else reads the unit brings it up to date
- * first. */
+ * Pins are not polled. The wires report until when an encoder cannot change; an event is set for that time,
+ * and only for lines that would interrupt. Every other access to the unit updates it first. */
 #include "machine.h"
 
 enum { MODE_OUTPUT = 1, MODE_ANALOG = 3, PHASES = 2, STATES = 4, LINES = 16 };
@@ -37,8 +36,7 @@ static int64_t position_of(struct board *b, int encoder)
     return b->options.wires.encoder_position(b->options.wires.context, encoder, time_to_ps(b, b->moment));
 }
 
-/* Takes in the edges between the position seen last and the present one; more than a whole period repeats
- * itself. */
+/* Takes in the edges between the last position and the present one; beyond a whole period they repeat. */
 static void follow(struct board *b, int encoder)
 {
     const struct wired_encoder *w = &b->encoder[encoder];
@@ -72,7 +70,7 @@ void exti_sync(struct board *b)
     update_lines(b);
 }
 
-/* Looks ahead for every encoder one of whose next edges would interrupt. */
+/* Sets an event for every encoder one of whose next edges would interrupt. */
 void exti_schedule(struct board *b)
 {
     const struct board_wires *wires = &b->options.wires;
@@ -110,7 +108,7 @@ static void note_unwatched(struct board *b)
         wired |= b->encoder[i].wired ? 1u << b->encoder[i].a.number | 1u << b->encoder[i].b.number : 0;
     }
     if (((b->exti.rtsr | b->exti.ftsr) & ((1u << LINES) - 1u) & ~wired) != 0) {
-        note_oddity(b, 0xF00000D0u, "EXTI follows edges at the pins of encoders only");
+        warn_once(b, 0xF00000D0u, "EXTI follows edges at the pins of encoders only");
     }
 }
 

@@ -1,4 +1,4 @@
-/* The flash controller: unlock keys, sector erase and programming that stall the core, RM0090 section 3. */
+/* The flash controller: unlock keys, sector erase and programming that stall the CPU, RM0090 section 3. */
 #include "machine.h"
 
 #include <string.h>
@@ -28,14 +28,14 @@ static uint32_t sector_size(uint32_t sector)
     return sector_start(sector + 1) - sector_start(sector);
 }
 
-/* The engine may hold a translation of code that lay here; it forgets it between two blocks. */
+/* The engine may hold a translation of code that was here; it is discarded between two blocks. */
 static void changed(struct board *b, uint32_t first, uint32_t length)
 {
     struct flash *f = &b->flash;
     bool none = f->stale_end == 0;
     f->stale_first = none || first < f->stale_first ? first : f->stale_first;
     f->stale_end = first + length > f->stale_end ? first + length : f->stale_end;
-    core_update_break(b);
+    cpu_update_break(b);
 }
 
 static uint64_t tear_noise(struct board *b)
@@ -48,9 +48,9 @@ static uint64_t tear_noise(struct board *b)
     return x;
 }
 
-/* An operation cut off leaves content that nobody vouches for (RM0090 3.6). Here each bit that was to change
-   has done so or not, by a seeded draw: early in the operation few have, late nearly all. `share` in 1/256 of
-   it. */
+/* An interrupted operation leaves undefined content (RM0090 3.6). Here each bit that was to change has
+ * changed or not, by a seeded draw: early in the operation few have, late nearly all. `share` in 1/256 of
+ * it. */
 static void tear(struct board *b, uint32_t share)
 {
     const struct operation *o = &b->flash.operation;
@@ -68,7 +68,7 @@ static void tear(struct board *b, uint32_t share)
     changed(b, o->first, o->length);
 }
 
-/* A reset or the end of power meets an operation under way. */
+/* A reset or power-off during an operation. */
 static void interrupt_operation(struct board *b)
 {
     const struct operation *o = &b->flash.operation;
@@ -89,7 +89,7 @@ void flash_reset(struct board *b)
     event_cancel(b, EVENT_FLASH);
 }
 
-/* Code is fetched from flash, so that the core waits until the operation is over; code in SRAM runs on. */
+/* Code is fetched from flash, so that the CPU waits until the operation is over; code in SRAM runs on. */
 static void busy_for(struct board *b, uint64_t ps)
 {
     uint64_t now = time_to_ps(b, b->moment);
@@ -102,7 +102,7 @@ static void busy_for(struct board *b, uint64_t ps)
     event_at_ps(b, EVENT_FLASH, end);
     if (b->block_pc < SRAM_BASE) {
         b->stall_until = time_to_cycle(b, end);
-        core_update_break(b);
+        cpu_update_break(b);
     }
 }
 
@@ -134,7 +134,7 @@ void flash_forget_code(struct board *b)
     f->stale_end = 0;
 }
 
-/* The cells are about to change; what they held is kept for the case that they do not get there. */
+/* The cells are about to change; their content is kept in case the operation is interrupted. */
 static void begin_operation(struct board *b, uint32_t first, uint32_t length)
 {
     memcpy(b->flash_before + first, b->flash_array + first, length);
@@ -142,7 +142,7 @@ static void begin_operation(struct board *b, uint32_t first, uint32_t length)
     changed(b, first, length);
 }
 
-/* The array holds the new content already; the core cannot look before the time is over. */
+/* The array holds the new content already; the CPU cannot read before the time is over. */
 static void run_operation(struct board *b, uint64_t ps)
 {
     if (cut_now(b)) {
@@ -189,12 +189,12 @@ bool flash_store(struct board *b, uint32_t address, uint32_t size, uint64_t valu
     }
     if ((f->cr & (LOCK | PG)) != PG) {
         f->sr |= PGSERR;
-        note_oddity(b, 0xF0000010u, "store into flash without FLASH_CR.PG: ignored");
+        warn_once(b, 0xF0000010u, "store into flash without FLASH_CR.PG: ignored");
         return true;
     }
     if (size != 1u << (f->cr >> 8 & 3u)) {
         f->sr |= PGPERR;
-        note_oddity(b, 0xF0000012u, "store into flash is not as wide as FLASH_CR.PSIZE: ignored");
+        warn_once(b, 0xF0000012u, "store into flash is not as wide as FLASH_CR.PSIZE: ignored");
         return true;
     }
     if ((f->sr & (WRPERR | PGAERR | PGPERR | PGSERR)) != 0) {
@@ -212,7 +212,7 @@ static void write_cr(struct board *b, uint32_t value)
 {
     struct flash *f = &b->flash;
     if ((f->cr & LOCK) != 0) {
-        note_oddity(b, 0xF0000011u, "FLASH_CR written while locked: ignored");
+        warn_once(b, 0xF0000011u, "FLASH_CR written while locked: ignored");
         return;
     }
     if ((f->sr & BSY) != 0) {

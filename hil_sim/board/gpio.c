@@ -1,4 +1,4 @@
-/* GPIO ports and what reaches the pins: levels, alternate functions, and the observers outside. */
+/* GPIO ports and pins: levels, alternate functions, and the callbacks to the wires. */
 #include "machine.h"
 
 #include <string.h>

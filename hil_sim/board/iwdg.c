@@ -55,7 +55,7 @@ bool iwdg_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
             *store = *value & (offset == 0x4 ? 7u : 0xFFFu);
             w->updating_until_ps = now_ps + UPDATE_PS;
         } else {
-            note_oddity(b, 0xF00000A0u, "IWDG written while locked: ignored");
+            warn_once(b, 0xF00000A0u, "IWDG written while locked: ignored");
         }
         return true;
     }

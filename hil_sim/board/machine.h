@@ -1,4 +1,5 @@
-/* The inside of the virtual board: what its parts share. Only files of this folder include it. */
+/* The state of the virtual board and the functions that its parts share. Only files of this folder include
+ * it. */
 #ifndef BOARD_MACHINE_H
 #define BOARD_MACHINE_H
 
@@ -25,7 +26,7 @@ enum {
     WARNINGS = 64,
     BUS_REGIONS = 7,
     BUS_PAGES = 256,
-    CODE_PAGE = 1024 /* the engine's page size for this core */
+    CODE_PAGE = 1024 /* the engine's page size for this CPU */
 };
 #define NEVER     UINT64_MAX
 #define PS_PER_S  1000000000000ULL
@@ -81,11 +82,11 @@ enum event_id {
 
 struct event {
     uint64_t at;    /* cycle, NEVER when idle */
-    uint64_t at_ps; /* set for events in real time; they keep it when the core clock changes */
+    uint64_t at_ps; /* set for events in real time; they keep it when the CPU clock changes */
     bool in_ps;
 };
 
-/* The core clock: cycles since creation, and which picosecond the present frequency began at. */
+/* The CPU clock: cycles since creation, and which picosecond the present frequency began at. */
 struct clock {
     uint64_t segment_cycle;
     uint64_t segment_ps;
@@ -127,7 +128,7 @@ struct flash {
     uint32_t acr, sr, cr, optcr;
     uint8_t key_step, opt_key_step;
     uint64_t busy_until_ps;
-    uint32_t stale_first, stale_end; /* changed since the engine last looked; end 0: nothing */
+    uint32_t stale_first, stale_end; /* changed since the engine's cache was last updated; end 0: nothing */
     struct operation {
         uint32_t first, length;
         uint64_t begin_ps, end_ps;
@@ -174,7 +175,7 @@ struct can {
     unsigned tec, rec;
     bool bus_off;
     int sending;              /* mailbox whose frame is on the bus, -1 none */
-    uint64_t silent_until_ps; /* an error-passive node lets others go first */
+    uint64_t silent_until_ps; /* an error-passive node waits after its own frames */
     struct can_happening {
         uint64_t at_ps;
         uint8_t kind; /* enum board_can_outcome, or one of can.c */
@@ -220,7 +221,7 @@ struct board {
     uc_engine *uc;
     struct board_options options;
     uint8_t *flash_array, *sram, *ccm, *system;
-    uint8_t *flash_before; /* what the operation under way found */
+    uint8_t *flash_before; /* content before the operation under way */
     struct region_of region[BUS_REGIONS];
     uint8_t bus_page[BUS_PAGES];
     struct block *flash_blocks; /* one per half-word of flash */
@@ -231,13 +232,13 @@ struct board {
     uint64_t break_at; /* first cycle at which the block hook must leave the engine */
     uint64_t target;   /* cycle up to which to run */
     uint64_t target_ps;
-    uint64_t stall_until; /* the core waits for flash */
+    uint64_t stall_until; /* the CPU waits for flash */
     struct clock clock;
     struct event events[EVENTS];
     uint64_t next_event;
     bool in_event;
 
-    /* core */
+    /* CPU */
     struct block current; /* block under way; cycles 0 when none is */
     uint32_t block_pc;
     uint32_t sram_code_pages[SRAM_SIZE / CODE_PAGE / 32]; /* one bit for each page that code has run from */
@@ -245,7 +246,7 @@ struct board {
     uint32_t it_left;                                     /* the next block begins inside an IT block */
     bool at_block, needs_check, reset_wanted, sleeping, locked_up, clock_dead, powered, no_fp;
     bool tlb_stale; /* the engine's translation cache has to be emptied between two blocks */
-    bool it_stale;  /* the engine's ITSTATE may hold what is over */
+    bool it_stale;  /* the engine's ITSTATE may be out of date */
     enum board_reset reset_cause;
     int trap;
     bool fault_seen;
@@ -293,7 +294,7 @@ struct board {
         bool wired;
     } encoder[ENCODERS];
 
-    /* books */
+    /* accounting */
     uint64_t trace[2], trace_count, power_cycles;
     struct board_cost cost[BOARD_EXCEPTIONS];
     struct running {
@@ -319,18 +320,18 @@ void event_at_ps(struct board *b, unsigned id, uint64_t ps);
 void event_cancel(struct board *b, unsigned id);
 void events_run(struct board *b, uint64_t until);
 
-/* core.c */
-uint32_t core_get(struct board *b, int reg);
-void core_set(struct board *b, int reg, uint32_t value);
-enum { CORE_BATCH = 16 };
-void core_get_many(struct board *b, const int *regs, uint32_t *values, int count);
-void core_set_many(struct board *b, const int *regs, uint32_t *values, int count);
-bool core_open(struct board *b);
-void core_reset(struct board *b);
-void core_run(struct board *b);
-void core_update_break(struct board *b);
-void core_count(struct board *b, uint64_t instructions, uint64_t cycles);
-uint8_t *core_memory(const struct board *b, uint32_t address, size_t length, bool write);
+/* cpu.c */
+uint32_t cpu_get(struct board *b, int reg);
+void cpu_set(struct board *b, int reg, uint32_t value);
+enum { CPU_BATCH = 16 };
+void cpu_get_many(struct board *b, const int *regs, uint32_t *values, int count);
+void cpu_set_many(struct board *b, const int *regs, uint32_t *values, int count);
+bool cpu_open(struct board *b);
+void cpu_reset(struct board *b);
+void cpu_run(struct board *b);
+void cpu_update_break(struct board *b);
+void cpu_count(struct board *b, uint64_t instructions, uint64_t cycles);
+uint8_t *cpu_memory(const struct board *b, uint32_t address, size_t length, bool write);
 
 /* exception.c */
 bool exception_take_pending(struct board *b, uint32_t return_pc);
@@ -338,7 +339,7 @@ void exception_return(struct board *b, uint32_t exc_return);
 void exception_fault(struct board *b, unsigned exception, uint32_t cfsr, uint32_t return_pc);
 void exception_svc(struct board *b, uint32_t return_pc);
 
-/* blocks.c */
+/* cycle_model.c */
 void block_measure(const uint8_t *code, uint32_t size, uint32_t it_left, struct block *out);
 void blocks_forget(struct board *b, uint32_t first, uint32_t length);
 
@@ -362,8 +363,7 @@ uint64_t bus_read(uc_engine *uc, uint64_t offset, unsigned size, void *region);
 void bus_write(uc_engine *uc, uint64_t offset, unsigned size, uint64_t value, void *region);
 bool bus_map(struct board *b);
 void bus_reset_peripherals(struct board *b, unsigned rcc_bus, uint32_t bits);
-void note_oddity(struct board *b, uint32_t key, const char *format, ...)
-    __attribute__((format(printf, 3, 4)));
+void warn_once(struct board *b, uint32_t key, const char *format, ...) __attribute__((format(printf, 3, 4)));
 
 /* one file each; false: no such register */
 bool rcc_access(struct board *b, uint32_t offset, bool write, uint32_t *value);

@@ -1,5 +1,5 @@
-/* The nested vectored interrupt controller: which exception is pending, active, enabled, and how urgent it
- * is. */
+/* The nested vectored interrupt controller: which exception is pending, active and enabled, and its
+ * priority. */
 #include "machine.h"
 
 enum { THREAD_PRIORITY = 256, PRIORITY_MASK = 0xF0 /* four bits are implemented, RM0090 12.1 */ };
@@ -15,7 +15,7 @@ static void set_bit(uint32_t map[4], unsigned exception, bool on)
     map[exception / 32] = on ? map[exception / 32] | mask : map[exception / 32] & ~mask;
 }
 
-/* Smaller is more urgent; reset, NMI and hard fault stand above all that can be set. */
+/* Smaller is more urgent; reset, NMI and hard fault precede all priorities that can be set. */
 static int full_priority(const struct board *b, unsigned exception)
 {
     if (exception <= EXC_HARD_FAULT) {
@@ -36,7 +36,7 @@ int nvic_group(const struct board *b, unsigned exception)
     return group_of(b, full_priority(b, exception));
 }
 
-/* Finds the most urgent candidate anew; the lowest number wins among equals. */
+/* Finds the most urgent candidate; the lowest number wins among equals. */
 void nvic_refresh(struct board *b)
 {
     struct nvic *n = &b->nvic;
@@ -57,7 +57,7 @@ void nvic_refresh(struct board *b)
     if (n->best != 0 && n->best_priority < n->active_group) {
         b->needs_check = true;
     }
-    core_update_break(b);
+    cpu_update_break(b);
 }
 
 static void refresh_active(struct board *b)
@@ -87,7 +87,7 @@ void nvic_set_active(struct board *b, unsigned exception, bool active)
 {
     set_bit(b->nvic.active, exception, active);
     if (!active && is_asked_for(b, exception)) {
-        set_bit(b->nvic.pending, exception, true); /* the peripheral still asks */
+        set_bit(b->nvic.pending, exception, true); /* the peripheral still requests it */
     }
     refresh_active(b);
     nvic_refresh(b);
@@ -115,13 +115,13 @@ void nvic_set_stuck(struct board *b, unsigned irq, bool stuck)
     }
 }
 
-/* What the running code counts as: its own priority, raised by the mask registers (PM0214 2.1.3). A sleeping
-   core leaves PRIMASK out: it holds the handler back, not the wake-up (PM0214 2.5.3). */
+/* The execution priority: that of the running code, raised by the mask registers (PM0214 2.1.3). A sleeping
+ * CPU leaves PRIMASK out: it holds the handler back, not the wake-up (PM0214 2.5.3). */
 int nvic_execution_priority(struct board *b)
 {
     static const int masks[] = {UC_ARM_REG_PRIMASK, UC_ARM_REG_BASEPRI, UC_ARM_REG_FAULTMASK};
     uint32_t mask[3] = {0};
-    core_get_many(b, masks, mask, 3);
+    cpu_get_many(b, masks, mask, 3);
     int priority = b->nvic.active_group;
     int basepri = (int)mask[1] & PRIORITY_MASK;
     if (basepri != 0 && group_of(b, basepri) < priority) {
@@ -136,7 +136,7 @@ int nvic_execution_priority(struct board *b)
     return priority;
 }
 
-/* Bits of 32 interrupts from interrupt 32 * word on, out of maps that begin with the 16 core exceptions. */
+/* Bits of 32 interrupts from interrupt 32 * word on, out of maps that begin with the 16 CPU exceptions. */
 static uint32_t window(const uint32_t map[4], uint32_t word)
 {
     uint32_t low = map[word] >> EXC_IRQ0;

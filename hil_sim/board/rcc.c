@@ -1,5 +1,5 @@
-/* Reset and clock control: oscillators that take their time, the clock tree, peripheral clocks, reset causes.
- */
+/* Reset and clock control: oscillators with start-up times, the clock tree, peripheral clocks, reset
+ * causes. */
 #include "machine.h"
 
 #include <string.h>
@@ -43,13 +43,13 @@ static uint32_t prescaler(uint32_t bits, uint32_t first)
     return bits < first ? 1 : first == 8 ? ahb[bits - 8] : 2u << (bits - first);
 }
 
-/* The datasheet's limits are for the frequencies that crystals are marked with; no crystal has just that. */
+/* The datasheet's limits apply to nominal crystal frequencies. */
 static bool above(uint32_t hz, uint32_t limit_hz)
 {
     return hz > limit_hz + limit_hz / 2000u;
 }
 
-/* Takes the settings into force: switches the system clock when the source asked for is ready. */
+/* Applies the settings: switches the system clock when the source asked for is ready. */
 static void apply(struct board *b)
 {
     struct rcc *r = &b->rcc;
@@ -79,17 +79,16 @@ static void apply(struct board *b)
     }
     pins_update(b);
     if (above(sysclk, 168000000u)) {
-        note_oddity(b, 0xF0000002u, "core clock %u Hz is above the 168 MHz of the datasheet",
-                    (unsigned)sysclk);
+        warn_once(b, 0xF0000002u, "CPU clock %u Hz is above the 168 MHz of the datasheet", (unsigned)sysclk);
     }
     if (above(hz / ppre1, 42000000u) || above(hz / ppre2, 84000000u)) {
-        note_oddity(b, 0xF0000003u, "APB clock above its limit: APB1 %u Hz, APB2 %u Hz",
-                    (unsigned)(hz / ppre1), (unsigned)(hz / ppre2));
+        warn_once(b, 0xF0000003u, "APB clock above its limit: APB1 %u Hz, APB2 %u Hz", (unsigned)(hz / ppre1),
+                  (unsigned)(hz / ppre2));
     }
     /* 30 MHz for each wait state at 2.7 to 3.6 V, RM0090 table 10. */
     if (above(hz, 30000000u * ((b->flash.acr & 7u) + 1))) {
-        note_oddity(b, 0xF0000004u, "flash has %u wait states at %u Hz: too few",
-                    (unsigned)(b->flash.acr & 7u), (unsigned)hz);
+        warn_once(b, 0xF0000004u, "flash has %u wait states at %u Hz: too few", (unsigned)(b->flash.acr & 7u),
+                  (unsigned)hz);
     }
 }
 
@@ -98,7 +97,7 @@ void rcc_clock_changed(struct board *b)
     apply(b);
 }
 
-/* Timers run at twice the bus clock when the bus is divided (RM0090 7.2). In core cycles. */
+/* Timers run at twice the bus clock when the bus is divided (RM0090 7.2). In CPU cycles. */
 uint32_t rcc_timer_divisor(const struct board *b, int timer)
 {
     bool apb2 = timer == 1 || (timer >= 8 && timer <= 11);
@@ -157,8 +156,8 @@ static void write_cr(struct board *b, uint32_t value)
     apply(b);
 }
 
-/* The crystal stopped. The clock security system moves the core to HSI and raises the NMI (RM0090 7.2.7);
-   without it a core that ran from the crystal stands still, and only the independent watchdog ends that. */
+/* The crystal stopped. The clock security system moves the CPU to HSI and raises the NMI (RM0090 7.2.7);
+ * without it a CPU that ran from the crystal stops until the independent watchdog resets it. */
 void rcc_crystal_changed(struct board *b)
 {
     struct rcc *r = &b->rcc;
@@ -187,7 +186,7 @@ void rcc_crystal_changed(struct board *b)
         nvic_pend(b, EXC_NMI, true);
     } else if (from_crystal) {
         b->clock_dead = true;
-        note_oddity(b, 0xF0000005u, "the crystal stopped under a running core without clock security");
+        warn_once(b, 0xF0000005u, "the crystal stopped under a running CPU without clock security");
     }
 }
 
@@ -257,7 +256,7 @@ bool rcc_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
         if (write && (r->cr & PLLON) == 0) { /* only while the PLL is off, RM0090 7.3.2 */
             r->pllcfgr = *value & 0x0F437FFFu;
         } else if (write) {
-            note_oddity(b, 0xF0000006u, "RCC_PLLCFGR written while the PLL runs: ignored");
+            warn_once(b, 0xF0000006u, "RCC_PLLCFGR written while the PLL runs: ignored");
         }
         *value = r->pllcfgr;
         return true;
@@ -285,7 +284,7 @@ bool rcc_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
     }
 }
 
-/* After reset the core runs from HSI; the cause flags pile up until RMVF clears them (RM0090 7.3.21). */
+/* After reset the CPU runs from HSI; the cause flags accumulate until RMVF clears them (RM0090 7.3.21). */
 void rcc_reset(struct board *b, uint32_t cause_flags)
 {
     uint32_t flags = (b->rcc.csr & 0xFE000000u) | cause_flags;

@@ -1,4 +1,4 @@
-/* The system control block, the FPU's control registers, DWT and debug registers of the core, PM0214 4.4
+/* The system control block, the FPU's control registers, DWT and debug registers of the CPU, PM0214 4.4
  * and 4.6. */
 #include "machine.h"
 
@@ -6,7 +6,7 @@ enum { VECTKEY = 0x05FA, TRCENA = 1 << 24 };
 
 static uint32_t icsr(struct board *b)
 {
-    uint32_t value = core_get(b, UC_ARM_REG_IPSR) & 0x1FFu;
+    uint32_t value = cpu_get(b, UC_ARM_REG_IPSR) & 0x1FFu;
     unsigned active = 0;
     for (unsigned word = 0; word < 4; word++) {
         active += (unsigned)__builtin_popcount(b->nvic.active[word]);

@@ -1,4 +1,4 @@
-/* SysTick and the cycle counter of the DWT: both count the core's cycles. */
+/* SysTick and the cycle counter of the DWT: both count CPU cycles. */
 #include "machine.h"
 
 #include <string.h>

@@ -1,4 +1,4 @@
-/* Virtual time: the core's cycles, their length in picoseconds, and the events that wait for them. */
+/* Virtual time: CPU cycles, their length in picoseconds, and the events that wait for them. */
 #include "machine.h"
 
 uint64_t time_to_ps(const struct board *b, uint64_t cycle)
@@ -27,10 +27,10 @@ static void find_next(struct board *b)
         next = b->events[i].at < next ? b->events[i].at : next;
     }
     b->next_event = next;
-    core_update_break(b);
+    cpu_update_break(b);
 }
 
-/* The core's clock changes at this moment: events in real time keep their time, those in cycles their count.
+/* The CPU clock changes at this moment: events in real time keep their time, those in cycles their count.
  */
 void time_set_hz(struct board *b, uint32_t hz)
 {
@@ -55,7 +55,7 @@ static void set_event(struct board *b, unsigned id, uint64_t cycle)
     }
     if (cycle < b->next_event) {
         b->next_event = cycle;
-        core_update_break(b);
+        cpu_update_break(b);
     } else if (before == b->next_event) {
         find_next(b);
     }
@@ -89,7 +89,7 @@ static void dispatch(struct board *b, unsigned id)
     } else if (id == EVENT_IWDG) {
         b->reset_wanted = true;
         b->reset_cause = BOARD_RESET_WATCHDOG;
-        core_update_break(b);
+        cpu_update_break(b);
     } else if (id == EVENT_FLASH) {
         flash_event(b);
     } else if (id < EVENT_USART_TX0) {
@@ -111,7 +111,7 @@ static void dispatch(struct board *b, unsigned id)
     }
 }
 
-/* Lets everything happen that is due, each at its own moment, in order; ties go by the event's number. */
+/* Runs all events that are due, each at its own time, in order; ties are broken by the event's number. */
 void events_run(struct board *b, uint64_t until)
 {
     uint64_t resume = b->moment;

@@ -24,7 +24,7 @@ static bool centred(const struct timer *t)
     return (t->cr1 & CMS) != 0;
 }
 
-/* Core cycles of one tick of the counter. */
+/* CPU cycles of one tick of the counter. */
 static uint64_t tick_cycles(const struct board *b, int timer)
 {
     return (uint64_t)rcc_timer_divisor(b, timer) * (b->timer[timer].psc_active + 1u);
@@ -37,7 +37,7 @@ static uint64_t period(const struct timer *t)
     return centred(t) ? (top == 0 ? 1 : 2 * top) : top + 1;
 }
 
-/* Where the counter stands for a position within its period: up, down, or up and down again. */
+/* Counter value for a position within its period: up, down, or up and down again. */
 static uint32_t count_of(const struct timer *t, uint32_t position)
 {
     if (centred(t)) {
@@ -85,7 +85,7 @@ static void raise_update(struct board *b, int timer)
     update_line(b, timer);
 }
 
-/* Brings the counter to the present moment. Overflows that went by unwatched only leave their flag. */
+/* Brings the counter to the present moment. Overflows that no event was set for only leave their flag. */
 void timer_sync(struct board *b, int timer)
 {
     struct timer *t = &b->timer[timer];
@@ -126,7 +126,7 @@ void timer_sync(struct board *b, int timer)
     }
 }
 
-/* An event at the next update is needed only when somebody would notice it at that very time. */
+/* An event at the next update is needed only when it has an effect at that time. */
 void timer_schedule(struct board *b, int timer)
 {
     struct timer *t = &b->timer[timer];
@@ -194,15 +194,15 @@ static void write_register(struct board *b, int timer, uint32_t offset, uint32_t
     case 0x08:
         t->smcr = value;
         if ((value & 7u) > 3) {
-            note_oddity(b, 0xF0000020u + (uint32_t)timer, "TIM%d slave mode %u is not modelled", timer,
-                        (unsigned)value & 7u);
+            warn_once(b, 0xF0000020u + (uint32_t)timer, "TIM%d slave mode %u is not modelled", timer,
+                      (unsigned)value & 7u);
         }
         break;
     case 0x0C:
         t->dier = value;
         if ((value & ~(uint32_t)UIE) != 0) {
-            note_oddity(b, 0xF0000030u + (uint32_t)timer,
-                        "TIM%d interrupts other than update are not modelled", timer);
+            warn_once(b, 0xF0000030u + (uint32_t)timer, "TIM%d interrupts other than update are not modelled",
+                      timer);
         }
         break;
     case 0x10:

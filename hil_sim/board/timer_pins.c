@@ -23,7 +23,7 @@ static double reference_duty(struct board *b, int timer, int channel)
     case 6:
     case 7:
         if ((t->cr1 & CEN) == 0) {
-            duty = t->from < t->ccr_active[channel - 1] ? 1 : 0; /* it stands still */
+            duty = t->from < t->ccr_active[channel - 1] ? 1 : 0; /* the counter does not run */
         } else {
             duty = period <= 0 || compare >= period ? 1 : compare / period;
         }
@@ -60,8 +60,8 @@ bool timer_is_encoder(const struct board *b, int timer)
     return able && mode >= 1 && mode <= 3;
 }
 
-/* Which encoder hangs on channels 1 and 2: +n straight, -n with the phases swapped, 0 none (n counts from 1).
- */
+/* Which encoder is wired to channels 1 and 2: +n straight, -n with the phases swapped, 0 none (n counts from
+ * 1). */
 static int source_of(const struct board *b, int timer)
 {
     struct board_pin one;
@@ -144,7 +144,7 @@ void timer_encoder_sync(struct board *b, int timer)
     int64_t count = (int64_t)t->from + moved;
     t->down = moved < 0;
     if (count < 0 || count >= range) {
-        t->sr |= 1u; /* UIF: an overflow or underflow went by */
+        t->sr |= 1u; /* UIF: an overflow or underflow occurred */
         count = ((count % range) + range) % range;
     }
     t->from = (uint32_t)count;

@@ -1,7 +1,7 @@
 /* The trace hash: one running 128-bit digest over everything that happens at the pins, with its time. */
 #include "machine.h"
 
-/* Multiply, rotate and add in two lanes; made for telling runs apart, not against an adversary. */
+/* Multiply, rotate and add in two lanes; distinguishes runs, not cryptographic. */
 static void absorb(uint64_t lane[2], uint64_t word)
 {
     lane[0] = (lane[0] ^ word) * 0x9E3779B97F4A7C15ULL;

@@ -11,7 +11,7 @@ enum { PCE = 1 << 10, M = 1 << 12, UE = 1 << 13, OVER8 = 1 << 15 };
 enum { EIE = 1 << 0, FIRST_CAPACITY = 256 };
 #define BAUD_TOLERANCE 0.03 /* of a receiver that samples 8N1 in mid-bit, RM0090 30.3.5 */
 
-/* Core cycles of one bit: 0 while the divider is not set. */
+/* CPU cycles of one bit: 0 while the divider is not set. */
 static uint64_t bit_cycles(const struct board *b, int usart)
 {
     const struct usart *u = &b->usart[usart];
@@ -34,7 +34,7 @@ static double baud(const struct board *b, int usart)
     return bit == 0 ? 0 : (double)b->clock.hz / (double)bit;
 }
 
-/* What a receiver at the wrong speed makes of a byte: bits sampled at the wrong places. */
+/* The byte that a receiver at the wrong speed reads: bits sampled at the wrong times. */
 static uint8_t garbled(uint8_t byte, double sent_at, double read_at)
 {
     uint32_t frame = 0xFE00u | (uint32_t)byte << 1; /* start bit 0, data, then the line idles high */
@@ -86,7 +86,7 @@ void usart_tx_event(struct board *b, int usart)
                                         time_to_ps(b, b->moment));
         }
     } else {
-        note_oddity(b, 0xF0000040u + (uint32_t)usart, "USART%d sends, but no pin carries its TX", usart);
+        warn_once(b, 0xF0000040u + (uint32_t)usart, "USART%d sends, but no pin carries its TX", usart);
     }
     start_shifting(b, usart);
     if (!u->shifting) {
@@ -120,17 +120,17 @@ void usart_rx_event(struct board *b, int usart)
         return;
     }
     if (!b->usart_routed[false][usart]) {
-        note_oddity(b, 0xF0000050u + (uint32_t)usart, "a byte came in for USART%d, but no pin carries its RX",
-                    usart);
+        warn_once(b, 0xF0000050u + (uint32_t)usart, "a byte came in for USART%d, but no pin carries its RX",
+                  usart);
         return;
     }
     uint8_t byte = in.byte;
     if (!matches((double)in.baud, baud(b, usart))) {
         byte = garbled(byte, (double)in.baud, baud(b, usart));
         u->sr |= FE;
-        note_oddity(b, 0xF0000060u + (uint32_t)usart,
-                    "USART%d hears %.0f baud while set to %.0f: bytes garbled", usart, (double)in.baud,
-                    baud(b, usart));
+        warn_once(b, 0xF0000060u + (uint32_t)usart,
+                  "USART%d hears %.0f baud while set to %.0f: bytes garbled", usart, (double)in.baud,
+                  baud(b, usart));
     }
     trace_add(b, TRACE_RX, (uint32_t)usart, byte);
     if ((u->sr & RXNE) != 0) {
@@ -196,7 +196,7 @@ void usart_drop_inbound(struct board *b, int usart)
     schedule_inbound(b, usart);
 }
 
-/* What is on the line outlives the chip's reset. */
+/* Bytes on the line survive the chip's reset. */
 void usart_reset(struct board *b, int usart)
 {
     struct usart kept = b->usart[usart];
@@ -225,8 +225,8 @@ static void write_data(struct board *b, int usart, uint32_t value)
 {
     struct usart *u = &b->usart[usart];
     if (u->tdr_full) {
-        note_oddity(b, 0xF0000070u + (uint32_t)usart,
-                    "USART%d data written while TXE is 0: a byte is overwritten", usart);
+        warn_once(b, 0xF0000070u + (uint32_t)usart,
+                  "USART%d data written while TXE is 0: a byte is overwritten", usart);
     }
     u->tdr = (uint8_t)value;
     u->tdr_full = true;
@@ -238,8 +238,8 @@ static void check_modes(struct board *b, int usart)
 {
     const struct usart *u = &b->usart[usart];
     if ((u->cr1 & (PCE | M)) != 0 || (u->cr2 & 1u << 14) != 0 || (u->cr3 & 0xFEu) != 0) {
-        note_oddity(b, 0xF0000080u + (uint32_t)usart,
-                    "USART%d: only 8N1 without DMA and flow control is modelled", usart);
+        warn_once(b, 0xF0000080u + (uint32_t)usart,
+                  "USART%d: only 8N1 without DMA and flow control is modelled", usart);
     }
 }
 

@@ -1,9 +1,8 @@
 /* The battery: an open-circuit voltage that falls with the charge drawn, behind a resistance.
  *
- * The terminal voltage of a step follows the mean current of the step before it: a lag of 50 us, which
- * stands for the bulk capacitor that every bridge has (0.12 ohm times 470 uF is 56 us). It is what
- * couples the wheels electrically: one motor's current lowers the other's supply.
- */
+ * The terminal voltage of a step follows the mean current of the step before it: a lag of 50 us, which stands
+ * for the bulk capacitor that every bridge has (0.12 ohm times 470 uF is 56 us). It couples the wheels
+ * electrically: one motor's current lowers the other's supply. */
 #include "battery.h"
 
 static const double step_s = PLANT_STEP_US * 1e-6;

@@ -2,7 +2,7 @@
 #ifndef PLANT_BATTERY_H
 #define PLANT_BATTERY_H
 
-#include "plant.h"
+#include "plant_params.h"
 
 struct battery {
     struct plant_battery_params params;

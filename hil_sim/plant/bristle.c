@@ -14,7 +14,7 @@
 /* Damping torque per bending torque and 1/s: s1 = this times s0. */
 static const double damping_s = 0.012;
 
-double bristle_torque_nm(const struct plant_hidden_bristle *params, int wheel, double speed_radps,
+double bristle_torque_nm(const struct plant_bristle_effects *params, int wheel, double speed_radps,
                          double span_s, double *bend_rad)
 {
     const double coulomb_nm = params->coulomb_nm[wheel];

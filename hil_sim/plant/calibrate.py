@@ -1,4 +1,4 @@
-"""Chooses the plant's numbers: replays the paper's effort tests beside the paper, and fits on request.
+"""Calibrates the plant's parameters: compares the paper's effort tests with the plant, and fits on request.
 
 Without arguments it prints the table for the numbers that the library has.
 """
@@ -82,7 +82,7 @@ class ReplayedLevel:
 
     @property
     def error_percent(self) -> float:
-        """Of the gain, against the paper."""
+        """Relative error of the gain against the paper."""
         return 100.0 * (self.gain / self.paper.gain - 1.0)
 
 
@@ -160,8 +160,8 @@ def breakaway_effort(robot: RobotParameters) -> float:
 
 
 BREAKAWAY_EFFORT_LIMIT = 0.09
-"""The paper's robot starts at 15 % every time; a breakaway close to that would make the gain of a level
-hang on the few milliseconds by which the start is late. The fit is kept away from it."""
+"""The paper's robot starts at 15 % every time; with a breakaway close to that, the gain of a level would
+depend on the few milliseconds by which the start is late. The fit is bounded away from it."""
 
 
 def assembled(base: RobotParameters, tau_s: float, fitted: NDArray[np.float64]) -> RobotParameters:
@@ -232,7 +232,7 @@ def print_table(robot: RobotParameters, library: Path | None = None) -> None:
 
 
 def print_numbers(robot: RobotParameters) -> None:
-    """Print one wheel's and the chassis' numbers as params.c has them."""
+    """Print one wheel's and the chassis' numbers as plant_params.c has them."""
     parts = (("motor", robot.left.motor), ("friction", robot.left.friction), ("chassis", robot.chassis))
     for name, part in parts:
         print(name, *(f"  .{key} = {value:.4g}" for key, value in dataclasses.asdict(part).items()), sep="\n")

@@ -1,4 +1,4 @@
-/* The body between the wheels: what mass each rim feels, what resists yaw, and the true pose.
+/* The body between the wheels: mass referred to each rim, resistance to yaw, and the true pose.
  *
  * The tyres roll without slip, so that the rims' speeds uL and uR are the body's: v = (uL + uR) / 2 and
  * omega = (uR - uL) / W (Bakirci 2023, (7) and (8)). Kinetic energy
@@ -12,7 +12,7 @@
 
 #include <math.h>
 
-/* Yaw rate that counts as standing when scrub looks for the path's curvature. */
+/* Yaw rate below which scrub treats the robot as not turning. */
 static const double resting_radps = 1e-3;
 
 static double rotating_kg(const struct plant_wheel_params *wheel)

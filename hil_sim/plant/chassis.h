@@ -1,9 +1,9 @@
-/* The body between the wheels: what mass each rim feels, what resists yaw, and the true pose. */
+/* The body between the wheels: mass referred to each rim, resistance to yaw, and the true pose. */
 #ifndef PLANT_CHASSIS_H
 #define PLANT_CHASSIS_H
 
 #include "friction.h"
-#include "plant.h"
+#include "plant_params.h"
 
 struct chassis {
     struct plant_chassis_params params;

@@ -1,4 +1,4 @@
-/* Torque that nobody commanded: coloured noise at the wheels, a first-order process drawn anew each ms. */
+/* Torque disturbance at the wheels: coloured noise, a first-order process drawn anew each millisecond. */
 #include "disturbance.h"
 
 #include <math.h>
@@ -8,7 +8,7 @@
 enum { DRAW_STEPS = 1000 / PLANT_STEP_US };
 static const double draw_s = 1e-3;
 
-double disturbance_nm(struct disturbance *disturbance, const struct plant_hidden_disturbance *params,
+double disturbance_nm(struct disturbance *disturbance, const struct plant_disturbance_effects *params,
                       int wheel, uint64_t seed, uint64_t step)
 {
     if (step % DRAW_STEPS == 0) {

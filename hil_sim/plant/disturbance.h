@@ -1,15 +1,17 @@
-/* Torque that nobody commanded: coloured noise at the wheels. */
+/* Torque disturbance at the wheels: coloured noise. */
 #ifndef PLANT_DISTURBANCE_H
 #define PLANT_DISTURBANCE_H
 
-#include "hidden.h"
+#include <stdint.h>
+
+#include "unmodelled_effects.h"
 
 struct disturbance {
     double value[PLANT_WHEELS]; /* of variance 1 */
 };
 
-/* Torque at a wheel during plant step `step`, N m. To be asked step by step. */
-double disturbance_nm(struct disturbance *disturbance, const struct plant_hidden_disturbance *params,
+/* Torque at a wheel during plant step `step`, N m. To be called for each step in order. */
+double disturbance_nm(struct disturbance *disturbance, const struct plant_disturbance_effects *params,
                       int wheel, uint64_t seed, uint64_t step);
 
 #endif

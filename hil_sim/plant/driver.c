@@ -1,9 +1,8 @@
-/* A motor driver that does not pass on the effort it is given: late, lagging, dead, limited, uneven.
+/* A motor driver with delay, lag, dead band, limits and direction-dependent gain.
  *
- * In this order: delay, spells without effort, lag, governor, dead band, reverse gain, square law. The dead
- * band has a rounded knee a tenth as wide as itself; the governor takes effort back in proportion to the
- * excess of a speed that it knows through a filter of its own.
- */
+ * In this order: delay, effort dropouts, lag, governor, dead band, reverse gain, square law. The dead band
+ * has a rounded knee a tenth as wide as itself; the governor reduces the effort in proportion to the excess
+ * of its own filtered speed. */
 #include "driver.h"
 
 #include <math.h>
@@ -12,7 +11,7 @@
 
 static const double step_s = PLANT_STEP_US * 1e-6;
 
-/* Effort taken back per m/s above the limit, and the governor's filter. */
+/* Effort reduction per m/s above the limit, and the governor's filter. */
 static const double governor_gain = 40.0;
 static const double governor_filter_s = 0.004;
 
@@ -44,8 +43,8 @@ static double delayed(struct driver *driver, double delay_s)
     return (double)driver->line[then];
 }
 
-/* One spell begins somewhere within each stretch of the mean interval. */
-static bool dropped_out(const struct plant_hidden_driver *params, int wheel, uint64_t seed, uint64_t step)
+/* One dropout begins at a random time within each mean interval. */
+static bool dropped_out(const struct plant_driver_effects *params, int wheel, uint64_t seed, uint64_t step)
 {
     if (params->dropout_every_s <= 0.0 || params->dropout_wheels[wheel] == 0.0) {
         return false;
@@ -84,7 +83,7 @@ static double governed(struct driver *driver, double effort, double limit_mps, d
     return copysign(left > 0.0 ? left : 0.0, effort);
 }
 
-double driver_step(struct driver *driver, const struct plant_hidden_driver *params, int wheel, uint64_t seed,
+double driver_step(struct driver *driver, const struct plant_driver_effects *params, int wheel, uint64_t seed,
                    uint64_t step, double rim_mps)
 {
     double effort = params->delay_s > 0.0 ? delayed(driver, params->delay_s) : driver->asked;

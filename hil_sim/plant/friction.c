@@ -10,8 +10,7 @@
  * is linear; so the answer is exact, a stuck rim has the speed 0.0 and no tolerance is involved.
  *
  * Falling friction between standstill and running follows Hess and Soom 1990, J. Tribology 112, (1):
- * rational, not exponential, which also keeps the C library's exp out of the traces.
- */
+ * rational, not exponential, which also keeps results independent of the C library's exp. */
 #include "friction.h"
 
 #include <math.h>
@@ -28,12 +27,12 @@ static double sign(double value)
     return (value > 0.0) - (value < 0.0);
 }
 
-static double least(double a, double b)
+static double smaller(double a, double b)
 {
     return a < b ? a : b;
 }
 
-static double most(double a, double b)
+static double larger(double a, double b)
 {
     return a > b ? a : b;
 }
@@ -41,12 +40,12 @@ static double most(double a, double b)
 /* Both rims stand if some twist impulse leaves both within their limits. */
 static bool both_stand(double left, double right, const struct friction_limits *limits)
 {
-    const double low = most(most(-limits->left - left, right - limits->right), -limits->twist);
-    const double high = least(least(limits->left - left, right + limits->right), limits->twist);
+    const double low = larger(larger(-limits->left - left, right - limits->right), -limits->twist);
+    const double high = smaller(smaller(limits->left - left, right + limits->right), limits->twist);
     return low <= high;
 }
 
-/* One rim stands: the other's speed if it really moves and the standing one is really held, else 0. */
+/* One rim stands: the other's speed if it moves and the standing one is held, else 0. */
 static double one_stands(double moving_mass, double cross, double moving_momentum, double standing_momentum,
                          double moving_limit, double standing_limit, double twist_limit)
 {
@@ -85,7 +84,7 @@ static double both_slide(const struct friction_mass *mass, double left, double r
 
     out->left = (mass->right * left_free - mass->cross * right_free) / determinant;
     out->right = (mass->left * right_free - mass->cross * left_free) / determinant;
-    return least(least(out->left * signs[0], out->right * signs[1]), (out->right - out->left) * signs[2]);
+    return smaller(smaller(out->left * signs[0], out->right * signs[1]), (out->right - out->left) * signs[2]);
 }
 
 struct friction_speeds friction_solve(const struct friction_mass *mass, double momentum_left,

@@ -2,12 +2,12 @@
 #ifndef PLANT_FRICTION_H
 #define PLANT_FRICTION_H
 
-#include "plant.h"
+#include "plant_params.h"
 
 /* Largest dry friction torque at a wheel speed, N m. */
 double friction_limit_nm(const struct plant_friction_params *params, double speed_radps);
 
-/* Symmetric 2 x 2 mass as the two rims feel it, viscous friction of one step included, kg. */
+/* Symmetric 2 x 2 mass matrix referred to the two rims, viscous friction of one step included, kg. */
 struct friction_mass {
     double left, right, cross;
 };

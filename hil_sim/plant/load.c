@@ -1,4 +1,4 @@
-/* Forces that the robot meets on its way: drag, ripple, slope, rough patches, a tether, a swinging load. */
+/* External forces: drag, torque ripple, slope, rough patches, a tether, a swinging load. */
 #include "load.h"
 
 #include <math.h>
@@ -6,7 +6,7 @@
 static const double gravity_mps2 = 9.81;
 static const double turn_rad = 6.283185307179586;
 
-void load_rims_n(const struct plant_hidden_load *params, const struct load_view *view,
+void load_rims_n(const struct plant_load_effects *params, const struct load_view *view,
                  double out[PLANT_WHEELS])
 {
     for (int i = 0; i < PLANT_WHEELS; i++) {
@@ -17,7 +17,7 @@ void load_rims_n(const struct plant_hidden_load *params, const struct load_view 
             torque_nm -= params->quadratic_nms2[i] * speed * fabs(speed);
         }
         if (params->ripple_nm[i] != 0.0) {
-            /* Poles are never quite alike: a sixth of it comes twice as often. */
+            /* Real cogging has a second harmonic: a sixth of the amplitude at twice the frequency. */
             const double phase = params->ripple_per_turn * view->motor_rad[i] + params->ripple_phase_rad[i];
             torque_nm += params->ripple_nm[i] * (sin(phase) + sin(2.0 * phase + 1.0) / 6.0);
         }
@@ -25,15 +25,15 @@ void load_rims_n(const struct plant_hidden_load *params, const struct load_view 
     }
 }
 
-/* Bumps that are as wide as the way between them. */
-static double roughness(const struct plant_hidden_load *params, const struct chassis *chassis)
+/* Rough patches are as long as the gaps between them. */
+static double roughness(const struct plant_load_effects *params, const struct chassis *chassis)
 {
     const double across = turn_rad / params->patch_pitch_m;
     const double bump = 0.5 + 0.25 * (sin(across * chassis->x_m) + sin(across * chassis->y_m + 1.0));
     return bump * bump * (3.0 - 2.0 * bump);
 }
 
-double load_body_n(struct load *load, const struct plant_hidden_load *params, const struct load_view *view,
+double load_body_n(struct load *load, const struct plant_load_effects *params, const struct load_view *view,
                    double span_s)
 {
     const struct chassis *chassis = view->chassis;
@@ -44,7 +44,7 @@ double load_body_n(struct load *load, const struct plant_hidden_load *params, co
         force_n -= view->mass_kg * gravity_mps2 * sin(params->slope_rad) * along;
     }
     if (params->patch_n != 0.0) {
-        /* Rolling resistance fades below creeping speed, as the tyre's hysteresis does. */
+        /* Rolling resistance vanishes below creeping speed, as the tyre's hysteresis does. */
         force_n -= 2.0 * params->patch_n * roughness(params, chassis) * speed / sqrt(speed * speed + 4e-4);
     }
     if (params->spring_n_per_m != 0.0) {

@@ -1,15 +1,15 @@
-/* Forces that the robot meets on its way: drag, ripple, slope, rough patches, a tether, a swinging load. */
+/* External forces: drag, torque ripple, slope, rough patches, a tether, a swinging load. */
 #ifndef PLANT_LOAD_H
 #define PLANT_LOAD_H
 
 #include "chassis.h"
-#include "hidden.h"
+#include "unmodelled_effects.h"
 
 struct load {
     double swing_m, swing_mps; /* of the hung load against the body */
 };
 
-/* What a load needs to know of the robot. */
+/* State of the robot on which the loads depend. */
 struct load_view {
     const struct plant_wheel_params *wheel;
     const struct chassis *chassis;
@@ -18,12 +18,13 @@ struct load_view {
     double motor_rad[PLANT_WHEELS]; /* at the wheel */
 };
 
-/* Forces at the rims, N, forward positive, without those of patches and swing, which `load_body_n` has. */
-void load_rims_n(const struct plant_hidden_load *params, const struct load_view *view,
+/* Forces at the rims, N, forward positive, without those of patches and the swinging load, see
+ * `load_body_n`. */
+void load_rims_n(const struct plant_load_effects *params, const struct load_view *view,
                  double out[PLANT_WHEELS]);
 
 /* Forces on the body, half of them for each side; moves the swinging load on by `span_s`. */
-double load_body_n(struct load *load, const struct plant_hidden_load *params, const struct load_view *view,
+double load_body_n(struct load *load, const struct plant_load_effects *params, const struct load_view *view,
                    double span_s);
 
 #endif

@@ -2,11 +2,11 @@
  *
  *     L di/dt = u - R i - emf
  *
- * with u = +-supply while one input is high, 0 while both are (the low or high side shorts the
- * winding), and minus or plus (supply + two diode drops) while both are low and current still flows;
- * then the circuit is open. Supply and back-EMF are constant within a step, so that the current is an
- * exponential. The winding (about 0.3 ms) is slower than a period and faster than everything
- * mechanical; it is kept because it decides how much current a coasting bridge carries.
+ * with u = +-supply while one input is high, 0 while both are (one side of the bridge shorts the winding),
+ * and minus or plus (supply + two diode drops) while both are low and current still flows; then the circuit
+ * is open. Supply and back-EMF are constant within a step, so that the current is an exponential. The winding
+ * (about 0.3 ms) is slower than a period and faster than everything mechanical; it is kept because it decides
+ * how much current a coasting bridge carries.
  */
 #include "motor.h"
 
@@ -94,7 +94,7 @@ static struct motor_flow coast(struct motor *motor, double emf_v, double supply_
     if (start_a * final_a < 0.0) {
         const double distance_a = start_a - final_a;
         if ((final_a + distance_a * motor->coast.decay) * start_a <= 0.0) {
-            /* It dies within the stretch and stays dead: the diodes do not conduct backwards. */
+            /* The current reaches zero within the stretch and stays there: the diodes block. */
             const double dies_s = motor->time_constant_s * log(distance_a / -final_a);
             charge_as = final_a * dies_s + motor->time_constant_s * start_a;
             motor->current_a = 0.0;

@@ -2,12 +2,12 @@
 #ifndef PLANT_MOTOR_H
 #define PLANT_MOTOR_H
 
-#include "plant.h"
+#include "plant_params.h"
 
 /* A stretch of the PWM period with one bridge state. */
 struct motor_segment {
     double duration_s;
-    double decay;  /* what is left of a current's distance from its final value at the end */
+    double decay;  /* decay of a current's distance from its final value over the stretch */
     double spread; /* the integral of that distance over the stretch, per ampere at its start, s */
 };
 
@@ -20,7 +20,7 @@ struct motor {
     double drive_sign; /* of the supply across the motor while it drives */
 };
 
-/* What one step did. */
+/* Result of one step. */
 struct motor_flow {
     double motor_charge_as;  /* integral of the motor's current */
     double supply_charge_as; /* integral of the current from the supply */
@@ -29,7 +29,7 @@ struct motor_flow {
 void motor_init(struct motor *motor, const struct plant_motor_params *params,
                 const struct plant_bridge_params *bridge);
 
-/* A winding that has become warmer or colder; its inductance stays. */
+/* Sets the winding's resistance at its present temperature; the inductance does not change. */
 void motor_set_resistance(struct motor *motor, double resistance_ohm);
 void motor_set_bridge(struct motor *motor, double in1_duty, double in2_duty);
 struct motor_flow motor_step(struct motor *motor, double emf_v, double supply_v);

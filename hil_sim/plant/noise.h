@@ -1,4 +1,4 @@
-/* Numbers drawn from a seed and an index: no stream, so that what is drawn elsewhere changes nothing. */
+/* Random numbers as a function of seed and index: draws elsewhere do not affect them. */
 #ifndef PLANT_NOISE_H
 #define PLANT_NOISE_H
 
@@ -33,7 +33,7 @@ static inline double noise_uniform(uint64_t seed, enum noise_stream stream, uint
     return (double)(noise_word(seed, stream, index) >> 11) * 0x1p-53;
 }
 
-/* Mean 0, variance 1: four uniform draws, near enough to normal for what coloured noise makes of it. */
+/* Mean 0, variance 1: four uniform draws, close enough to normal once it is filtered to coloured noise. */
 static inline double noise_normal(uint64_t seed, enum noise_stream stream, uint64_t index)
 {
     double sum = -2.0;

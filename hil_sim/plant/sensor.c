@@ -1,9 +1,8 @@
-/* What the robot's sensors make of the truth: counted edges and a noisy voltage.
+/* Sensor models: counted encoder edges and a noisy voltage.
  *
- * Sensors hold no state and draw no random stream: an edge's misplacement belongs to that edge of the
- * disc and comes round again with it, and a voltage's error to its moment. So a sensor may be read any
- * number of times without a change to what comes after.
- */
+ * Sensors hold no state and draw no random stream: an edge's misplacement is a function of that edge of the
+ * disc, and a voltage's error of its time. So a sensor may be read any number of times without an effect on
+ * later readings. */
 #include "sensor.h"
 
 #include <math.h>
@@ -67,6 +66,6 @@ void sensor_edges(const struct plant_encoder_params *params, uint64_t seed, int 
 
 double sensor_noise(uint64_t seed, uint64_t step, double largest)
 {
-    /* Another stream than the discs', whose indices are small. */
+    /* A different stream from that of the discs, whose indices are small. */
     return largest == 0.0 ? 0.0 : largest * uniform(~seed, step);
 }

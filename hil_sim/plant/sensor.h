@@ -1,10 +1,12 @@
-/* What the robot's sensors make of the truth: counted edges and a noisy voltage. */
+/* Sensor models: counted encoder edges and a noisy voltage. */
 #ifndef PLANT_SENSOR_H
 #define PLANT_SENSOR_H
 
-#include "plant.h"
+#include <stdint.h>
 
-/* Quadrature count at a wheel angle, on a disc whose edges are misplaced as the seed says. */
+#include "plant_params.h"
+
+/* Quadrature count at a wheel angle, on a disc whose edges are misplaced according to the seed. */
 int64_t sensor_count(const struct plant_encoder_params *params, uint64_t seed, int wheel, double angle_rad);
 
 /* The wheel angles at which that count begins and at which the next one does. */

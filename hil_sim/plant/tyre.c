@@ -11,7 +11,7 @@
 static const double creep_mps = 0.05;
 static const double shape = 1.4;
 
-double tyre_force_n(const struct plant_hidden_tyre *params, double load_n, double rim_mps, double floor_mps)
+double tyre_force_n(const struct plant_tyre_effects *params, double load_n, double rim_mps, double floor_mps)
 {
     const double slip = (rim_mps - floor_mps) / (fabs(floor_mps) + creep_mps);
     const double at_peak = tan(1.5707963267948966 / shape);

@@ -2,10 +2,10 @@
 #ifndef PLANT_TYRE_H
 #define PLANT_TYRE_H
 
-#include "hidden.h"
+#include "unmodelled_effects.h"
 
 /* Force on the floor's contact, N, that drives the body forward, of a rim that runs at `rim_mps` over a floor
  * that passes at `floor_mps`, pressed down with `load_n`. */
-double tyre_force_n(const struct plant_hidden_tyre *params, double load_n, double rim_mps, double floor_mps);
+double tyre_force_n(const struct plant_tyre_effects *params, double load_n, double rim_mps, double floor_mps);
 
 #endif

@@ -1,10 +1,10 @@
-/* Copper that warms with its current and cools through its case: two nodes, winding and case. */
+/* Heating of a winding by its current, and cooling through its case: two nodes. */
 #include "winding.h"
 
 static const double step_s = PLANT_STEP_US * 1e-6;
 static const double update_s = 0.01; /* small motors' windings take seconds */
 
-void winding_step(struct winding *winding, const struct plant_hidden_thermal *params, double current_a,
+void winding_step(struct winding *winding, const struct plant_thermal_effects *params, double current_a,
                   double resistance_ohm)
 {
     if (params->resistance_per_k > 0.0) {
@@ -13,7 +13,7 @@ void winding_step(struct winding *winding, const struct plant_hidden_thermal *pa
     }
 }
 
-bool winding_update(struct winding *winding, const struct plant_hidden_thermal *params)
+bool winding_update(struct winding *winding, const struct plant_thermal_effects *params)
 {
     if (winding->elapsed_s < update_s) {
         return false;

@@ -1,8 +1,10 @@
-/* Copper that warms with its current and cools through its case. */
+/* Heating of a winding by its current, and cooling through its case. */
 #ifndef PLANT_WINDING_H
 #define PLANT_WINDING_H
 
-#include "hidden.h"
+#include <stdbool.h>
+
+#include "unmodelled_effects.h"
 
 struct winding {
     double winding_k, case_k; /* above the air */
@@ -11,10 +13,10 @@ struct winding {
 };
 
 /* Takes one step's mean current at the present resistance. */
-void winding_step(struct winding *winding, const struct plant_hidden_thermal *params, double current_a,
+void winding_step(struct winding *winding, const struct plant_thermal_effects *params, double current_a,
                   double resistance_ohm);
 
-/* True when the temperatures have moved on; now and then only, they are slow. */
-bool winding_update(struct winding *winding, const struct plant_hidden_thermal *params);
+/* True when the temperatures were updated; at long intervals, since they are slow. */
+bool winding_update(struct winding *winding, const struct plant_thermal_effects *params);
 
 #endif

@@ -1,7 +1,7 @@
 /* A CAN bus in virtual time: arbitration by id, real frame lengths, acknowledgment, damage.
  *
  * Boards run in slices that are shorter than the shortest frame. A frame that begins within a slice ends
- * after it, so that whatever the bus decides at the slice's end still lies ahead of every board. */
+ * after it, so that every outcome decided at the slice's end is still in each board's future. */
 #include "can_bus.h"
 
 #include <math.h>
@@ -131,7 +131,7 @@ static bool agrees(double one, double other)
     return other > 0 && fabs(one / other - 1) <= RATE_TOLERANCE;
 }
 
-/* Whether somebody acknowledges, and whether somebody at another bit rate destroys the frame. */
+/* Whether a node acknowledges, and whether a node at another bit rate destroys the frame. */
 static void ask_others(const struct can_bus *bus, const struct offer *sent, bool *acknowledged,
                        bool *destroyed)
 {
@@ -151,7 +151,7 @@ static void ask_others(const struct can_bus *bus, const struct offer *sent, bool
 static void hear_host(struct can_bus *bus, const struct board_can_frame *f, uint64_t end_ps)
 {
     struct queue *q = &bus->to_host;
-    if (q->count == QUEUE) { /* the oldest is lost, as in an adapter that nobody empties */
+    if (q->count == QUEUE) { /* the oldest is lost, as in an adapter that is not read */
         q->first = (q->first + 1) % QUEUE;
         q->count--;
     }
@@ -218,7 +218,7 @@ static void put_on_wire(struct can_bus *bus, const struct offer *sent, uint64_t 
     tell_everybody(bus, sent, outcome, end_ps > now_ps ? end_ps : now_ps);
 }
 
-/* Lets the bus decide all that began before the present time. */
+/* Settles all frames that began before the present time. */
 static void settle(struct can_bus *bus)
 {
     uint64_t now_ps = bus->time_us * PS_PER_US;

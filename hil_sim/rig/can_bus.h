@@ -31,10 +31,10 @@ void can_bus_run_us(struct can_bus *bus, uint64_t span_us);
 /* The host's node. A frame takes part in arbitration from now on; false: 1024 wait already. */
 bool can_bus_write(struct can_bus *bus, const struct can_bus_frame *frame);
 bool can_bus_read(struct can_bus *bus, struct can_bus_frame *out);
-/* Unplugged, the host neither acknowledges nor hears. */
+/* Unplugged, the host neither acknowledges nor receives. */
 void can_bus_connect_host(struct can_bus *bus, bool connected);
 
-/* Faults: both wires touch, so that nobody gets a bit through; the next frames are damaged on the wire. */
+/* Faults: both wires touch, so that no bit is transmitted; the next frames are damaged on the wire. */
 void can_bus_short(struct can_bus *bus, bool shorted);
 void can_bus_damage(struct can_bus *bus, uint64_t frames);
 

@@ -1,5 +1,4 @@
-/* Connects board and plant in lock step: before either is looked at, the plant is brought to that very time.
- */
+/* Connects board and plant in lock step: before either is read, the plant is advanced to that time. */
 #include "rig.h"
 
 #include <math.h>
@@ -12,14 +11,14 @@
 #define LINK_BAUD  921600.0
 #define DIVIDER    (1.0 / 11.0) /* 10 kOhm over 1 kOhm */
 
-/* Pins of the target board; the same table is in firmware/README.md for the people who solder. */
+/* Pins of the target board; the same table is in firmware/README.md for the wiring. */
 static const struct board_pin bridge_pins[RIG_WHEELS][2] = {{{'A', 8}, {'A', 9}}, {{'A', 10}, {'A', 11}}};
 static const struct board_pin encoder_pins[RIG_WHEELS][2] = {{{'B', 4}, {'B', 5}}, {{'B', 6}, {'B', 7}}};
 static const struct board_pin battery_pin = {'A', 4};
 static const struct board_pin led_pin = {'C', 12};
 
-/* Even a wheel at rest is looked at this often, in plant steps: a tenth of a second. */
-#define MOST_QUIET_STEPS 2000.0
+/* Even a wheel at rest is polled this often, in plant steps: a tenth of a second. */
+#define MAX_QUIET_STEPS 2000.0
 
 struct sent_byte {
     uint64_t time_ps;
@@ -52,7 +51,7 @@ static void advance_plant(struct rig *r, uint64_t time_ps)
     r->plant_steps = steps > r->plant_steps ? steps : r->plant_steps;
 }
 
-/* A pin that nobody drives is held low by the bridge's own pull-down. */
+/* An undriven pin is held low by the bridge's own pull-down. */
 static double high_fraction(double duty)
 {
     return duty < 0 ? 0 : duty;
@@ -111,8 +110,8 @@ static int wheel_of(const struct rig *r, int encoder)
     return r->encoders_swapped ? 1 - encoder : encoder;
 }
 
-/* Encoders are seen one plant step late: only then is it known when within a step an edge came, whatever the
-   bridges do next. Returns how much of the last step the wheel seems to have passed. */
+/* Encoders are read one plant step late: only then is the time of an edge within a step known, whatever the
+ * bridges do next. Returns the fraction of the last step that has passed at this time. */
 static double share_of_step(struct rig *r, uint64_t time_ps)
 {
     advance_plant(r, time_ps);
@@ -128,8 +127,8 @@ static uint64_t encoder_quiet_until(void *context, int encoder, uint64_t time_ps
         return UINT64_MAX;
     }
     double steps = plant_encoder_quiet_steps(r->plant, wheel_of(r, encoder), share_of_step(r, time_ps));
-    return steps < MOST_QUIET_STEPS ? time_ps + (uint64_t)(steps * (double)STEP_PS) + 1
-                                    : time_ps + (uint64_t)(MOST_QUIET_STEPS * (double)STEP_PS);
+    return steps < MAX_QUIET_STEPS ? time_ps + (uint64_t)(steps * (double)STEP_PS) + 1
+                                   : time_ps + (uint64_t)(MAX_QUIET_STEPS * (double)STEP_PS);
 }
 
 static int64_t encoder_position(void *context, int encoder, uint64_t time_ps)
@@ -299,10 +298,10 @@ void rig_truth(struct rig *rig, struct plant_state *out)
     }
 }
 
-bool rig_hide(struct rig *rig, const struct plant_hidden *hidden)
+bool rig_set_unmodelled_effects(struct rig *rig, const struct plant_unmodelled_effects *effects)
 {
     advance_plant(rig, board_time_ps(rig->board));
-    return rig->plant != NULL && plant_hide(rig->plant, hidden);
+    return rig->plant != NULL && plant_set_unmodelled_effects(rig->plant, effects);
 }
 
 void rig_place(struct rig *rig, double x_m, double y_m, double theta_rad)

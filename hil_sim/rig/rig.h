@@ -7,9 +7,7 @@
 #include <stdint.h>
 
 #include "../board/board.h"
-#include "../plant/hidden.h"
 #include "../plant/plant.h"
-#include "../plant/record.h"
 
 #pragma GCC visibility push(default)
 
@@ -47,26 +45,27 @@ size_t rig_link_pending(const struct rig *rig); /* bytes to the board still on t
 /* Speed of the host's port; bytes garble when the board's differs by more than 3 %. 0: the cable is cut. */
 void rig_link_baud(struct rig *rig, double baud);
 
-/* Hides effects in the robot from the present time on (plant_hide); false: bad numbers, or no robot. */
-bool rig_hide(struct rig *rig, const struct plant_hidden *hidden);
+/* Gives the robot these effects from the present time on (plant_set_unmodelled_effects); false: bad numbers,
+   or no robot. */
+bool rig_set_unmodelled_effects(struct rig *rig, const struct plant_unmodelled_effects *effects);
 /* Puts the robot elsewhere (plant_place). */
 void rig_place(struct rig *rig, double x_m, double y_m, double theta_rad);
-/* Writes down the robot's truth from the present time on (plant_record). */
+/* Records the robot's true state from the present time on (plant_record). */
 bool rig_record(struct rig *rig, struct plant_sample *out, size_t capacity, uint64_t every_steps);
 size_t rig_recorded(struct rig *rig);
 
-/* Truth of the robot at the present time. */
+/* True state of the robot at the present time. */
 void rig_truth(struct rig *rig, struct plant_state *out);
 /* Fraction of time the bridge inputs of a wheel are high at present: IN1, IN2. */
 void rig_bridge(const struct rig *rig, int wheel, double out[2]);
 /* Level of the status LED's pin, PC12; below 0: not driven. */
 double rig_led(const struct rig *rig);
 
-/* Faults. Each holds from the present time until it is taken back. */
+/* Faults. Each acts from the present time until it is removed. */
 void rig_encoder_fault(struct rig *rig, int wheel, enum rig_encoder_fault fault);
 void rig_swap_motors(struct rig *rig, bool swapped); /* each bridge drives the other wheel's motor */
 void rig_motor_connected(struct rig *rig, int wheel, bool connected);
-void rig_turn_wheel(struct rig *rig, int wheel, double angle_rad); /* by hand, lifted */
+void rig_turn_wheel(struct rig *rig, int wheel, double angle_rad); /* by hand, with the robot lifted */
 void rig_swap_encoders(struct rig *rig, bool swapped); /* each encoder is plugged into the other input */
 void rig_hold_wheel(struct rig *rig, int wheel, double torque_nm); /* a hand or a kerb; 0 lets go */
 void rig_battery_sense_connected(struct rig *rig,
@@ -74,7 +73,7 @@ void rig_battery_sense_connected(struct rig *rig,
 void rig_bench_voltage(struct rig *rig,
                        double volts); /* the divider sees a bench supply; below 0: the battery */
 void rig_crystal_alive(struct rig *rig, bool alive);
-void rig_crystal_ppm(struct rig *rig, double ppm); /* how much faster than marked the crystal is */
+void rig_crystal_ppm(struct rig *rig, double ppm); /* deviation from the nominal frequency */
 void rig_power(struct rig *rig, bool on);          /* the board's supply; off also releases the bridges */
 void rig_reset(struct rig *rig, enum board_reset cause);
 

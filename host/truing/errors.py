@@ -55,7 +55,7 @@ class FileError(TruingError):
 
 
 class RecordingError(FileError):
-    """A recording breaks the contract; says in which file, column and row.
+    """A recording breaks its format (docs/DATA_FORMAT.md); says in which file, column and row.
 
     Parameters
     ----------
@@ -80,6 +80,10 @@ class RecordingError(FileError):
         super().__init__(path, f"{where}: {problem}" if where else problem, next_step)
         self.column = column
         self.row = row
+
+
+class CutOffError(RecordingError):
+    """A recording ends early or is damaged; what comes before that place is sound."""
 
 
 class BaselineError(FileError):
@@ -166,6 +170,18 @@ class BoardFault(TruingError):
         self.faults = faults
 
 
+class SequenceEndedError(TruingError):
+    """The sequence was ended by somebody else."""
+
+    exit_code = 1
+
+    def __init__(self) -> None:
+        super().__init__(
+            "the sequence was ended before its time, by another program or at the board",
+            "see that nobody else drives this robot; its log so far is on the board: `truing log fetch`",
+        )
+
+
 class ClockError(TruingError):
     """The board's clock and the host's cannot be related: too few answers, or one of them jumped."""
 
@@ -180,6 +196,22 @@ class LogError(TruingError):
 
 class VirtualBoardError(TruingError):
     """The virtual board cannot start or stopped (no image, no native library, a CPU fault)."""
+
+    exit_code = 1
+
+
+class WeakEffectError(TruingError):
+    """The effect cannot be made as strong on this robot as the trial wants it."""
+
+
+class TrialMakerError(TruingError):
+    """The process that makes trials could not make this one."""
+
+    exit_code = 1
+
+
+class BrokenSealError(TruingError):
+    """An opened answer does not have the hash that was shown before."""
 
     exit_code = 1
 

@@ -24,7 +24,7 @@
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
-    PROTO_ID_HELLO = 0x01, /* who is there; answered whatever the versions. The frame format, this id, and the first 6 bytes each way never change */
+    PROTO_ID_HELLO = 0x01, /* identification; answered whatever the versions. The frame format, this id, and the first 6 bytes each way never change */
     PROTO_ID_STATUS = 0x02, /* what the robot does now */
     PROTO_ID_CLEAR_FAULTS = 0x03, /* unlatch all faults whose cause is gone; refused with self_check_failed while one that stops is still present */
     PROTO_ID_FAULT_RECORD = 0x04, /* registers of the last fault of the program, kept through resets until the power goes */
@@ -32,24 +32,24 @@ enum proto_id {
     PROTO_ID_PARAM_LIST = 0x10, /* one parameter's description and value */
     PROTO_ID_PARAM_GET = 0x11, /* one parameter's value */
     PROTO_ID_PARAM_SET = 0x12, /* change one parameter; only while the state is idle or stopped */
-    PROTO_ID_PARAM_SAVE = 0x13, /* store the values in force; the wheels brake and the board is deaf for up to a second; not while it moves or writes a log */
+    PROTO_ID_PARAM_SAVE = 0x13, /* store the values in force; the wheels brake and the board does not receive for up to a second; not while it moves or writes a log */
     PROTO_ID_PARAM_LOAD = 0x14, /* go back to the stored values, as the next start would; not while it moves */
     PROTO_ID_PARAM_DEFAULTS = 0x15, /* set every parameter to its default, and leave the store alone; not while it moves */
     PROTO_ID_PARAM_STORE = 0x16, /* how the parameter store is */
-    PROTO_ID_SEQ_BEGIN = 0x20, /* start an upload; the sequence held before is forgotten */
+    PROTO_ID_SEQ_BEGIN = 0x20, /* start an upload; the sequence held before is discarded */
     PROTO_ID_SEQ_SEGMENTS = 0x21, /* the next segments, in order */
     PROTO_ID_SEQ_COMMIT = 0x22, /* all segments are there: CRC-32 over their packed bytes, in order */
     PROTO_ID_SEQ_START = 0x23, /* run the committed sequence; a log opens, and odometry goes to zero with it */
-    PROTO_ID_SEQ_ABORT = 0x24, /* brake both wheels and end the sequence; also forgets an upload in progress */
+    PROTO_ID_SEQ_ABORT = 0x24, /* brake both wheels and end the sequence; also discards an upload in progress */
     PROTO_ID_SEQ_STATE = 0x25, /* where the sequence is */
     PROTO_ID_LOG_LIST = 0x30, /* the logs in the ring, oldest first */
     PROTO_ID_LOG_READ = 0x31, /* bytes of sealed blocks, by absolute offset */
     PROTO_ID_LOG_DIGEST = 0x32, /* CRC-32 over sealed bytes */
     PROTO_ID_LOG_ERASE = 0x33, /* forget all logs; offsets go on counting */
     PROTO_ID_LOG_ARM = 0x34, /* record from now on, and keep what is around a trigger. Kind sequence disarms: without a trigger the log is discarded, after one it ends at once */
-    PROTO_ID_LOG_TRIGGER = 0x35, /* what is armed and what has come of it; all zero when idle */
-    PROTO_ID_SET_EFFORT = 0x40, /* drive the wheels with a share of the supply, until the host falls silent; a log opens with the first such command, and odometry goes to zero */
-    PROTO_ID_SET_VELOCITY = 0x41, /* hold wheel speeds, until the host falls silent; log and odometry as with set_effort */
+    PROTO_ID_LOG_TRIGGER = 0x35, /* what is armed, and the outcome; all zero when idle */
+    PROTO_ID_SET_EFFORT = 0x40, /* drive the wheels with a share of the supply, until the host-silence time-out; a log opens with the first such command, and odometry goes to zero */
+    PROTO_ID_SET_VELOCITY = 0x41, /* hold wheel speeds, until the host-silence time-out; log and odometry as with set_effort */
     PROTO_ID_STOP = 0x42, /* brake both wheels now, in any state; ends a sequence; carried out each time it arrives */
     PROTO_ID_CAN_STATE = 0x50, /* the CAN controller and its channel */
     PROTO_ID_STREAM_START = 0x60, /* take samples of the chosen signals from now on, counted from 0, in place of the stream before; whatever the state. A start of the board ends it */
@@ -110,7 +110,7 @@ enum proto_log_end {
 enum { PROTO_LOG_END_COUNT = 5 };
 const char *proto_log_end_name(unsigned value); /* "?" for a value that is none of them */
 
-/* what makes a log worth keeping */
+/* the trigger of an armed log */
 enum proto_log_trigger_kind {
     PROTO_LOG_TRIGGER_KIND_SEQUENCE = 0, /* the start of a sequence or of a live drive, whose log begins and ends with it */
     PROTO_LOG_TRIGGER_KIND_THRESHOLD = 1, /* a signal crosses a level */
@@ -150,7 +150,7 @@ enum proto_reset_cause {
 enum { PROTO_RESET_CAUSE_COUNT = 7 };
 const char *proto_reset_cause_name(unsigned value); /* "?" for a value that is none of them */
 
-/* what the core runs from; anything but the crystal is reported as a fault that does not stop */
+/* clock source of the CPU; anything but the crystal is reported as a fault that does not stop */
 enum proto_clock_source {
     PROTO_CLOCK_SOURCE_CRYSTAL_PLL = 0,
     PROTO_CLOCK_SOURCE_INTERNAL_PLL = 1,
@@ -210,7 +210,7 @@ enum proto_slot_state {
 enum { PROTO_SLOT_STATE_COUNT = 4 };
 const char *proto_slot_state_name(unsigned value); /* "?" for a value that is none of them */
 
-/* why a request was refused; the wheels do what they did before */
+/* why a request was refused; the wheels continue as before */
 enum proto_refusal_reason {
     PROTO_REFUSAL_REASON_UNKNOWN_REQUEST = 1, /* no request has this id; `detail` is the id */
     PROTO_REFUSAL_REASON_BAD_LENGTH = 2, /* the payload is shorter or longer than this request's; `detail` is its length */
@@ -263,7 +263,7 @@ size_t proto_log_entry_encode(const struct proto_log_entry *from, uint8_t *out, 
 bool proto_log_entry_decode(struct proto_log_entry *to, const uint8_t *in, size_t length);
 
 #define PROTO_CAN_ANNOUNCE_SIZE 8u
-/* a board says that it is there, when asked */
+/* identification of a board, in reply to a hello to all boards */
 struct proto_can_announce {
     uint32_t schema_hash; /* the board's */
     uint32_t board; /* CRC-32 of the chip's unique id: two boards on one node number differ here */
@@ -272,7 +272,7 @@ size_t proto_can_announce_encode(const struct proto_can_announce *from, uint8_t 
 bool proto_can_announce_decode(struct proto_can_announce *to, const uint8_t *in, size_t length);
 
 #define PROTO_CAN_STATUS_SIZE 8u
-/* how a board is, can_status_hz times a second */
+/* state of a board, can_status_hz times a second */
 struct proto_can_status {
     uint32_t faults; /* bits of the faults that are active or latched */
     uint8_t state; /* state */
@@ -283,7 +283,7 @@ size_t proto_can_status_encode(const struct proto_can_status *from, uint8_t *out
 bool proto_can_status_decode(struct proto_can_status *to, const uint8_t *in, size_t length);
 
 #define PROTO_CAN_MOTION_SIZE 8u
-/* what a board's wheels do, can_status_hz times a second */
+/* motion of a board's wheels, can_status_hz times a second */
 struct proto_can_motion {
     int16_t speed_left; /* mm/s */
     int16_t speed_right; /* mm/s */
@@ -294,7 +294,7 @@ size_t proto_can_motion_encode(const struct proto_can_motion *from, uint8_t *out
 bool proto_can_motion_decode(struct proto_can_motion *to, const uint8_t *in, size_t length);
 
 #define PROTO_HELLO_REQUEST_SIZE 6u
-/* who is there; answered whatever the versions. The frame format, this id, and the first 6 bytes each way never change */
+/* identification; answered whatever the versions. The frame format, this id, and the first 6 bytes each way never change */
 struct proto_hello_request {
     uint16_t protocol_version; /* the host's */
     uint32_t schema_hash; /* the host's */
@@ -303,7 +303,7 @@ size_t proto_hello_request_encode(const struct proto_hello_request *from, uint8_
 bool proto_hello_request_decode(struct proto_hello_request *to, const uint8_t *in, size_t length);
 
 #define PROTO_HELLO_REPLY_SIZE 68u
-/* reply: who is there; answered whatever the versions. The frame format, this id, and the first 6 bytes each way never change */
+/* reply: identification; answered whatever the versions. The frame format, this id, and the first 6 bytes each way never change */
 struct proto_hello_reply {
     uint16_t protocol_version; /* the board's */
     uint32_t schema_hash; /* the board's */
@@ -316,7 +316,7 @@ struct proto_hello_reply {
     uint16_t max_segments;
     uint16_t parameter_count;
     uint16_t log_cell_size; /* bytes */
-    uint16_t log_cell_count; /* cells in the log's ring: what memory was found good at the start */
+    uint16_t log_cell_count; /* cells in the log's ring: memory that passed the test at the start */
     uint8_t reset_cause; /* reset_cause */
     uint8_t clock_source; /* clock_source */
 };
@@ -446,11 +446,11 @@ size_t proto_param_set_reply_encode(const struct proto_param_set_reply *from, ui
 bool proto_param_set_reply_decode(struct proto_param_set_reply *to, const uint8_t *in, size_t length);
 
 #define PROTO_PARAM_SAVE_REPLY_SIZE 7u
-/* reply: store the values in force; the wheels brake and the board is deaf for up to a second; not while it moves or writes a log */
+/* reply: store the values in force; the wheels brake and the board does not receive for up to a second; not while it moves or writes a log */
 struct proto_param_save_reply {
     uint32_t sequence; /* number of the set that is now the newest */
     uint8_t written; /* 0: the store held these very values */
-    uint16_t stall_ms; /* how long the control loop stood still */
+    uint16_t stall_ms; /* how long the control loop was stalled */
 };
 size_t proto_param_save_reply_encode(const struct proto_param_save_reply *from, uint8_t *out, size_t capacity);
 bool proto_param_save_reply_decode(struct proto_param_save_reply *to, const uint8_t *in, size_t length);
@@ -477,7 +477,7 @@ size_t proto_param_store_reply_encode(const struct proto_param_store_reply *from
 bool proto_param_store_reply_decode(struct proto_param_store_reply *to, const uint8_t *in, size_t length);
 
 #define PROTO_SEQ_BEGIN_REQUEST_SIZE 4u
-/* start an upload; the sequence held before is forgotten */
+/* start an upload; the sequence held before is discarded */
 struct proto_seq_begin_request {
     uint16_t segment_count; /* 1 to max_segments */
     uint16_t log_rate_hz; /* 1 to 200; 0 takes the parameter log_rate_hz */
@@ -622,7 +622,7 @@ size_t proto_log_arm_reply_encode(const struct proto_log_arm_reply *from, uint8_
 bool proto_log_arm_reply_decode(struct proto_log_arm_reply *to, const uint8_t *in, size_t length);
 
 #define PROTO_LOG_TRIGGER_REPLY_SIZE 34u
-/* reply: what is armed and what has come of it; all zero when idle */
+/* reply: what is armed, and the outcome; all zero when idle */
 struct proto_log_trigger_reply {
     uint8_t state; /* log_trigger_state */
     uint8_t kind; /* log_trigger_kind */
@@ -641,7 +641,7 @@ size_t proto_log_trigger_reply_encode(const struct proto_log_trigger_reply *from
 bool proto_log_trigger_reply_decode(struct proto_log_trigger_reply *to, const uint8_t *in, size_t length);
 
 #define PROTO_SET_EFFORT_REQUEST_SIZE 8u
-/* drive the wheels with a share of the supply, until the host falls silent; a log opens with the first such command, and odometry goes to zero */
+/* drive the wheels with a share of the supply, until the host-silence time-out; a log opens with the first such command, and odometry goes to zero */
 struct proto_set_effort_request {
     float left; /* -1..1, within effort_limit */
     float right; /* -1..1, within effort_limit */
@@ -650,7 +650,7 @@ size_t proto_set_effort_request_encode(const struct proto_set_effort_request *fr
 bool proto_set_effort_request_decode(struct proto_set_effort_request *to, const uint8_t *in, size_t length);
 
 #define PROTO_SET_VELOCITY_REQUEST_SIZE 8u
-/* hold wheel speeds, until the host falls silent; log and odometry as with set_effort */
+/* hold wheel speeds, until the host-silence time-out; log and odometry as with set_effort */
 struct proto_set_velocity_request {
     float left; /* m/s, within speed_limit_mps */
     float right; /* m/s, within speed_limit_mps */
@@ -671,10 +671,10 @@ struct proto_can_state_reply {
     uint32_t frames_sent;
     uint32_t frames_received; /* that passed the filters */
     uint32_t overruns; /* received frames lost for want of room */
-    uint32_t discarded; /* frames thrown away unsent, when the bus took none for 200 ms or the controller left it */
-    uint32_t messages_dropped; /* ISO-TP messages that came in whole with a bad length or CRC */
-    uint32_t sequence_errors; /* ISO-TP messages given up because a frame of theirs was lost */
-    uint32_t timeouts; /* ISO-TP messages given up because the peer fell silent */
+    uint32_t discarded; /* frames discarded unsent, when the bus took none for 200 ms or the controller left it */
+    uint32_t messages_dropped; /* complete ISO-TP messages with a bad length or CRC */
+    uint32_t sequence_errors; /* ISO-TP messages aborted because a frame was lost */
+    uint32_t timeouts; /* ISO-TP messages aborted because the peer stopped */
 };
 size_t proto_can_state_reply_encode(const struct proto_can_state_reply *from, uint8_t *out, size_t capacity);
 bool proto_can_state_reply_decode(struct proto_can_state_reply *to, const uint8_t *in, size_t length);
@@ -701,7 +701,7 @@ bool proto_stream_start_reply_decode(struct proto_stream_start_reply *to, const 
 /* samples from a number on, as many as are there, wanted, and fit a reply; those that the ring has overwritten are left out */
 struct proto_stream_read_request {
     uint32_t first; /* number of the sample wanted */
-    uint16_t most; /* samples wanted at most: a short reply gets through a bad line */
+    uint16_t most; /* largest number of samples: a short reply is more likely to pass a bad line */
 };
 size_t proto_stream_read_request_encode(const struct proto_stream_read_request *from, uint8_t *out, size_t capacity);
 bool proto_stream_read_request_decode(struct proto_stream_read_request *to, const uint8_t *in, size_t length);
@@ -729,7 +729,7 @@ size_t proto_refusal_encode(const struct proto_refusal *from, uint8_t *out, size
 bool proto_refusal_decode(struct proto_refusal *to, const uint8_t *in, size_t length);
 
 #define PROTO_LOG_HEADER_SIZE 42u
-/* opens every block of the log, and says all that its records need to be decoded */
+/* opens every block of the log, and holds all that is needed to decode its records */
 struct proto_log_header {
     uint32_t cell; /* the block's first cell, counted from 0 since boot; its absolute offset is this times log_cell_size */
     uint16_t log_id;
@@ -785,16 +785,16 @@ enum proto_fault {
     PROTO_FAULT_BATTERY_LOW = 1u << 3, /* the supply stayed below battery_low_v */
     PROTO_FAULT_HOST_SILENT = 1u << 4, /* no valid command came within command_timeout_s while the host drove the wheels */
     PROTO_FAULT_LOOP_OVERRUN = 1u << 5, /* a control tick was lost: one began more than 1.5 ms after the one before, or was due before that had ended */
-    PROTO_FAULT_CLOCK_FALLBACK = 1u << 6, /* the crystal did not start; the core runs from its internal oscillator (1 % clock error, baud rate included) */
+    PROTO_FAULT_CLOCK_FALLBACK = 1u << 6, /* the crystal did not start; the CPU runs from its internal oscillator (1 % clock error, baud rate included) */
     PROTO_FAULT_PARAMETER_STORE_DAMAGED = 1u << 7, /* the stored parameters cannot all be read: those in force are older ones or the defaults */
     PROTO_FAULT_ENCODER_LEFT_LOST = 1u << 8, /* the left motor was driven and its encoder counted nothing, from the start or from one moment to the next */
     PROTO_FAULT_ENCODER_RIGHT_LOST = 1u << 9, /* the right motor was driven and its encoder counted nothing, from the start or from one moment to the next */
-    PROTO_FAULT_ENCODER_LEFT_REVERSED = 1u << 10, /* the left encoder counts against the effort: its phases or the motor's leads are the wrong way round, or something stronger turns the wheel */
-    PROTO_FAULT_ENCODER_RIGHT_REVERSED = 1u << 11, /* the right encoder counts against the effort: its phases or the motor's leads are the wrong way round, or something stronger turns the wheel */
+    PROTO_FAULT_ENCODER_LEFT_REVERSED = 1u << 10, /* the left encoder counts against the effort: its phases or the motor's leads are the wrong way round, or a stronger force turns the wheel */
+    PROTO_FAULT_ENCODER_RIGHT_REVERSED = 1u << 11, /* the right encoder counts against the effort: its phases or the motor's leads are the wrong way round, or a stronger force turns the wheel */
     PROTO_FAULT_WHEEL_LEFT_STALLED = 1u << 12, /* the left wheel turned and then stood under stall_effort: something holds it, or its encoder failed while it turned slowly */
     PROTO_FAULT_WHEEL_RIGHT_STALLED = 1u << 13, /* the right wheel turned and then stood under stall_effort: something holds it, or its encoder failed while it turned slowly */
     PROTO_FAULT_OVERSPEED = 1u << 14, /* a wheel turned faster than overspeed_mps */
-    PROTO_FAULT_BROWN_OUT = 1u << 15, /* the board's own supply dipped and restarted it; what it did before is forgotten */
+    PROTO_FAULT_BROWN_OUT = 1u << 15, /* the board's own supply dipped and restarted it; its previous activity is lost */
     PROTO_FAULT_PROGRAM_FAULT = 1u << 16, /* the program failed, or its crystal stopped, and the board restarted; the registers were kept */
     PROTO_FAULT_WATCHDOG_RESET = 1u << 17, /* the program hung and the watchdog restarted the board */
     PROTO_FAULT_SEQUENCE_DAMAGED = 1u << 18, /* the sequence in memory no longer has the CRC that it was committed with */
@@ -825,11 +825,11 @@ enum proto_parameter {
     PROTO_PARAMETER_FF_KV_RIGHT = 16, /* feedforward per speed, right wheel forward, effort*s/m */
     PROTO_PARAMETER_FF_KA_LEFT = 17, /* feedforward per acceleration, left wheel forward, effort*s^2/m */
     PROTO_PARAMETER_FF_KA_RIGHT = 18, /* feedforward per acceleration, right wheel forward, effort*s^2/m */
-    PROTO_PARAMETER_COMMAND_TIMEOUT_S = 19, /* silence after which a host-driven robot stops, latched, s */
+    PROTO_PARAMETER_COMMAND_TIMEOUT_S = 19, /* time without a valid command after which a host-driven robot stops, latched, s */
     PROTO_PARAMETER_LOG_RATE_HZ = 20, /* samples per second of the log, Hz */
     PROTO_PARAMETER_BATTERY_LOW_V = 21, /* supply below which the wheels stop, V */
     PROTO_PARAMETER_BATTERY_HYSTERESIS_V = 22, /* supply must rise this far above battery_low_v before the fault can be cleared, V */
-    PROTO_PARAMETER_ENCODER_SPEED_MAX_MPS = 23, /* wheel speed above which an encoder is not believed, m/s */
+    PROTO_PARAMETER_ENCODER_SPEED_MAX_MPS = 23, /* wheel speed above which an encoder's counts are implausible, m/s */
     PROTO_PARAMETER_FF_KS_LEFT_REVERSE = 24, /* feedforward against dry friction, left wheel in reverse, effort */
     PROTO_PARAMETER_FF_KS_RIGHT_REVERSE = 25, /* feedforward against dry friction, right wheel in reverse, effort */
     PROTO_PARAMETER_FF_KV_LEFT_REVERSE = 26, /* feedforward per speed, left wheel in reverse, effort*s/m */
@@ -840,7 +840,7 @@ enum proto_parameter {
     PROTO_PARAMETER_KICK_LIMIT_S = 31, /* velocity mode: longest time that kick_effort is added, s */
     PROTO_PARAMETER_SPEED_FROM_EDGES = 32, /* velocity mode: 1 takes speed from the times of encoder edges, 0 from counts over 16 ms */
     PROTO_PARAMETER_OVERSPEED_MPS = 33, /* wheel speed above which the wheels stop, m/s */
-    PROTO_PARAMETER_STALL_EFFORT = 34, /* effort that surely turns a free wheel: under it a wheel without counts is stalled or its encoder lost; above breakaway and scrub, effort */
+    PROTO_PARAMETER_STALL_EFFORT = 34, /* effort that turns any free wheel: under it a wheel without counts is stalled or its encoder lost; above breakaway and scrub, effort */
     PROTO_PARAMETER_CAN_NODE = 35, /* this board's number on the CAN bus; each board needs its own */
     PROTO_PARAMETER_CAN_BITRATE_KBPS = 36, /* bit rate of the CAN bus, the same for all that share it; usual are 1000 and 500, kbit/s */
     PROTO_PARAMETER_CAN_STATUS_HZ = 37, /* status broadcasts on the CAN bus per second; 0: none, Hz */

@@ -29,12 +29,12 @@ def clamped(value: int, limit: int) -> int:
 
 @dataclass
 class Bit:
-    """How likely a one is, in 1/65536, and how much has been learnt of it."""
+    """Probability of a one, in 1/65536, and the number of bits it was estimated from."""
 
     p: int = HALF
     seen: int = 0
 
-    def learn(self, bit: int) -> None:
+    def update(self, bit: int) -> None:
         rate = 655360 // (10 * self.seen + 16)
         self.p += ((65536 - self.p) * rate >> 16) if bit else -(self.p * rate >> 16)
         self.p = max(64, min(self.p, 65536 - 64))
@@ -74,14 +74,14 @@ class RangeCoder:
 
     def bit(self, bit: int, model: Bit) -> None:
         self._take(bit, (self.range >> 16) * model.p)
-        model.learn(bit)
+        model.update(bit)
 
     def plain(self, value: int, bits: int) -> None:
         for i in reversed(range(bits)):
             self._take(value >> i & 1, self.range >> 1)
 
     def close(self) -> bytes:
-        """One byte tells the interval from all others; zeros follow."""
+        """One byte identifies the interval; zeros follow."""
         self.low += TOP_BYTE - 1
         self._carry()
         self.out.append(self.low >> 24)
@@ -116,39 +116,39 @@ class Number:
             coder.plain(size & (1 << (length - 1)) - 1, length - 1)
 
 
-class Guess:
-    """The next value of a series from its last ones: whichever of four guesses did best lately."""
+class Predictor:
+    """Predicts the next value of a series, by the predictor of four with the smallest recent error."""
 
     LIMIT = 1 << 23
 
     def __init__(self) -> None:
         self.last = self.before = self.smooth = 0
         self.errors = [0] * 4
-        self.miss = 0
+        self.residual = 0
 
-    def guesses(self) -> list[int]:
+    def predictions(self) -> list[int]:
         step = self.last - self.before
         return [self.last, self.last + (step >> 1), self.last + step, (self.smooth + 32) >> 6]
 
     def best(self) -> int:
-        return self.guesses()[self.errors.index(min(self.errors))]
+        return self.predictions()[self.errors.index(min(self.errors))]
 
     def context(self, driven: bool) -> int:
         if self.last == 0 and self.before == 0:
             return 5 if driven else 4
-        size = abs(self.miss)
+        size = abs(self.residual)
         return 0 if size == 0 else 1 if size == 1 else 2 if size < 4 else 3
 
-    def learn(self, value: int, miss: int) -> None:
+    def update(self, value: int, residual: int) -> None:
         value = clamped(value, self.LIMIT)
-        for i, guess in enumerate(self.guesses()):
-            self.errors[i] += min(abs(value - guess), 1 << 20) * 4 - (self.errors[i] >> 2)
+        for i, prediction in enumerate(self.predictions()):
+            self.errors[i] += min(abs(value - prediction), 1 << 20) * 4 - (self.errors[i] >> 2)
         self.smooth += ((value << 6) - self.smooth) >> 2
-        self.before, self.last, self.miss = self.last, value, miss
+        self.before, self.last, self.residual = self.last, value, residual
 
 
 def float_parts(value: float) -> tuple[int, int]:
-    """`mantissa * 2^exponent` with a mantissa of 24 bits; 0, 0 for what is no positive normal number."""
+    """`mantissa * 2^exponent` with a mantissa of 24 bits; 0, 0 unless it is a positive normal number."""
     bits = struct.unpack("<I", struct.pack("<f", value))[0]
     exponent = bits >> 23
     if exponent == 0 or exponent >= 255:
@@ -174,14 +174,14 @@ def rounded(numerator: int, divisor: int) -> int:
 
 
 class Geometry:
-    """What counts mean, from the block's header."""
+    """Geometry of the counts, from the block's header."""
 
     def __init__(self, metres_per_count: float, turns_per_count: float) -> None:
         self.mantissa, self.exponent = float_parts(metres_per_count)
         mantissa, exponent = float_parts(turns_per_count)
         shift = exponent + 40
         self.turn = min(mantissa << shift if shift >= 0 else mantissa >> -shift, 2**47)
-        self.most = 2**62 // self.turn if self.turn else 0
+        self.max_counts = 2**62 // self.turn if self.turn else 0
 
     def speed(self, counts: int, interval_ms: int) -> int:
         """mm/s."""
@@ -193,10 +193,10 @@ class Geometry:
 
     def heading(self, difference: int) -> int:
         """2^-40 turns."""
-        return difference * self.turn if abs(difference) <= self.most else 0
+        return difference * self.turn if abs(difference) <= self.max_counts else 0
 
     def travel(self, sum_of_counts: int) -> int:
-        """2^-32 m that the body moves when its wheels count so much together."""
+        """Displacement of the body for the sum of the wheels' counts, 2^-32 m."""
         shift = self.exponent + 31
         product = sum_of_counts * self.mantissa
         if shift > 0:
@@ -214,26 +214,26 @@ def heading_e4(turns_q40: int) -> int:
 
 @dataclass
 class Axis:
-    """Where the robot is on one axis, 2^-32 m, as far as rounded millimetres tell."""
+    """Position on one axis, 2^-32 m, known to rounded millimetres."""
 
     at: int = 0
 
     def step(self, by: int) -> None:
         self.at = clamped(self.at + by, 2**53)
 
-    def guess(self) -> int:
+    def prediction(self) -> int:
         return (self.at >> 10) * 1000 + (1 << 21) >> 22
 
     def context(self, still: bool) -> int:
         if still:
             return 0
-        return 1 + min(abs((self.at >> 10) * 1000 - (self.guess() << 22)) >> 19, 3)
+        return 1 + min(abs((self.at >> 10) * 1000 - (self.prediction() << 22)) >> 19, 3)
 
-    def learn(self, millimetres: int, miss: int) -> None:
-        """Moves to the nearest place that rounds to what was seen."""
-        if miss:
-            edge = (2 * millimetres - 1 if miss > 0 else 2 * millimetres + 1) * 1099511628 >> 9
-            self.at = clamped(edge + (2048 if miss > 0 else -2048), 2**53)
+    def update(self, millimetres: int, residual: int) -> None:
+        """Moves to the nearest position that rounds to the record's value."""
+        if residual:
+            edge = (2 * millimetres - 1 if residual > 0 else 2 * millimetres + 1) * 1099511628 >> 9
+            self.at = clamped(edge + (2048 if residual > 0 else -2048), 2**53)
 
 
 @dataclass
@@ -250,16 +250,16 @@ class BlockCoder:
         self.numbers = {kind: Number() for kind in KINDS}
         self.same, self.replayed = Bit(), Bit()
         self.last = [0] * 16
-        self.travel = [Guess(), Guess()]
-        self.effort = [Guess(), Guess()]
-        self.battery = Guess()
+        self.travel = [Predictor(), Predictor()]
+        self.effort = [Predictor(), Predictor()]
+        self.battery = Predictor()
         self.x, self.y = Axis(), Axis()
         self.turned = 0
 
-    def _number(self, kind: str, value: int, guess: int, context: int = 0) -> int:
-        miss = wrapped(value - guess)
-        self.numbers[kind].code(self.coder, miss, context)
-        return miss
+    def _number(self, kind: str, value: int, prediction: int, context: int = 0) -> int:
+        residual = wrapped(value - prediction)
+        self.numbers[kind].code(self.coder, residual, context)
+        return residual
 
     def add(self, record: list[int]) -> None:
         t_ms, mode, _, _, *rest = record
@@ -271,18 +271,18 @@ class BlockCoder:
         moved = [0, 0]
         for wheel in (0, 1):
             moved[wheel] = wrapped(counts[wheel] - last[8 + wheel])
-            guess = self.travel[wheel]
-            miss = self._number("travel", moved[wheel], guess.best(), guess.context(command[wheel] != 0))
-            guess.learn(moved[wheel], miss)
+            predictor = self.travel[wheel]
+            residual = self._number("travel", moved[wheel], predictor.best(), predictor.context(command[wheel] != 0))
+            predictor.update(moved[wheel], residual)
         for wheel in (0, 1):
-            guess = self.effort[wheel]
+            predictor = self.effort[wheel]
             if mode == MODE_VELOCITY:
-                context = guess.context(command[wheel] != 0)
-                miss = self._number("effort_held", efforts[wheel], guess.best(), context)
+                context = predictor.context(command[wheel] != 0)
+                residual = self._number("effort_held", efforts[wheel], predictor.best(), context)
             else:
                 known = command[wheel] if mode == MODE_EFFORT else 0
-                miss = self._number("effort_set", efforts[wheel], known)
-            guess.learn(efforts[wheel], miss)
+                residual = self._number("effort_set", efforts[wheel], known)
+            predictor.update(efforts[wheel], residual)
         interval = (t_ms - last[0]) % 2**32
         heading = geometry.heading(wrapped(counts[1] - counts[0]))
         replay = [geometry.speed(moved[0], interval), geometry.speed(moved[1], interval)]
@@ -290,12 +290,12 @@ class BlockCoder:
         seen = [*speeds, theta_e4]
         self.coder.bit(seen != replay, self.replayed)
         if seen != replay:
-            for kind, value, guess_ in zip(("speed", "speed", "heading"), seen, replay, strict=True):
-                self._number(kind, value, guess_)
+            for kind, value, predicted in zip(("speed", "speed", "heading"), seen, replay, strict=True):
+                self._number(kind, value, predicted)
             self.turned = wrapped(self.turned + theta_e4 - replay[2])
         self._position(x_mm, y_mm, moved, heading)
-        miss = self._number("battery", battery, self.battery.best(), self.battery.context(False))
-        self.battery.learn(battery, miss)
+        residual = self._number("battery", battery, self.battery.best(), self.battery.context(False))
+        self.battery.update(battery, residual)
         self.last = list(record)
         self.records += 1
 
@@ -316,8 +316,8 @@ class BlockCoder:
         step = self.geometry.travel(moved[0] + moved[1])
         for axis, share, seen in ((self.x, cosine, x_mm), (self.y, sine, y_mm)):
             axis.step(step * share >> 24)
-            miss = self._number("position", seen, axis.guess(), axis.context(moved[0] + moved[1] == 0))
-            axis.learn(seen, miss)
+            residual = self._number("position", seen, axis.prediction(), axis.context(moved[0] + moved[1] == 0))
+            axis.update(seen, residual)
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,37 @@
 
 from __future__ import annotations
 
+import textwrap
+from collections.abc import Iterable
+
 from .schema import Record, Schema
 
 BEGIN, END = "<!-- tables: written by protocol/generate.py -->", "<!-- end of tables -->"
+WIDTH, LIMIT = 120, 130
+"""Columns that a paragraph is wrapped at, and columns that no line exceeds."""
+
+
+def _table(head: str, rows: Iterable[tuple[object, ...]], name: int = 1) -> list[str]:
+    """A table with `head`, its columns divided by bars; the last cell of a long row stands below the table.
+
+    Parameters
+    ----------
+    name : the column by which a row is named below the table.
+    """
+    columns = head.split("|")
+    lines = ["| " + " | ".join(columns) + " |", "| " + " | ".join(["---"] * len(columns)) + " |"]
+    below: list[str] = []
+    for row in rows:
+        line = "| " + " | ".join(map(str, row)) + " |"
+        if len(line) > LIMIT:
+            below += _item(f"{row[name]}: {row[-1]}")
+            line = "| " + " | ".join(map(str, row[:-1])) + " | (below) |"
+        lines.append(line)
+    return [*lines, "", *below, *([""] if below else [])]
+
+
+def _item(text: str) -> list[str]:
+    return textwrap.wrap(f"- {text}", WIDTH, subsequent_indent="  ", break_on_hyphens=False)
 
 
 def _type(scalar: str, count: int) -> str:
@@ -16,9 +44,8 @@ def _type(scalar: str, count: int) -> str:
 def _record(record: Record) -> list[str]:
     if not record.fields:
         return ["empty", ""]
-    lines = ["| byte | field | type | meaning |", "| --- | --- | --- | --- |"]
-    lines += [f"| {at} | `{f.name}` | {_type(f.scalar, f.count)} | {f.doc} |" for at, f in record.offsets()]
-    return [*lines, ""]
+    rows = ((at, f"`{f.name}`", _type(f.scalar, f.count), f.doc) for at, f in record.offsets())
+    return _table("byte|field|type|meaning", rows)
 
 
 def _messages(schema: Schema) -> list[str]:
@@ -28,7 +55,7 @@ def _messages(schema: Schema) -> list[str]:
         lines += [
             f"#### `{m.id:#04x}` {m.name}",
             "",
-            f"{m.doc[0].upper() + m.doc[1:]}.{once}",
+            *textwrap.wrap(f"{m.doc[0].upper() + m.doc[1:]}.{once}", WIDTH, break_on_hyphens=False),
             "",
             "Request:",
             "",
@@ -59,50 +86,40 @@ def _messages(schema: Schema) -> list[str]:
 def _enums(schema: Schema) -> list[str]:
     lines = ["### Named numbers", ""]
     for enum in schema.enums:
-        lines += [f"#### {enum.name}: {enum.doc}", "", "| value | name | meaning |", "| --- | --- | --- |"]
         docs = enum.docs or ("",) * len(enum.members)
-        lines += [
-            f"| {enum.first + i} | `{name}` | {doc} |"
+        rows = (
+            (enum.first + i, f"`{name}`", doc)
             for i, (name, doc) in enumerate(zip(enum.members, docs, strict=True))
-        ]
-        lines.append("")
+        )
+        lines += [f"#### {enum.name}: {enum.doc}", "", *_table("value|name|meaning", rows)]
     return lines
 
 
 def _tables(schema: Schema) -> list[str]:
-    lines = [
+    log_fields = ((f"`{f.name}`", f.scalar, f.doc) for f in schema.log_record.fields)
+    faults = ((i, f"`{f.name}`", "yes" if f.stops else "no") for i, f in enumerate(schema.faults))
+    parameters = (
+        (i, f"`{p.name}`", p.unit, p.kind, f"{p.minimum:g} to {p.maximum:g}", f"{p.default:g}", p.doc)
+        for i, p in enumerate(schema.parameters)
+    )
+    return [
         "### Log block header",
         "",
         *_record(schema.log_header),
         "### Log record",
         "",
-        "| field | type | meaning |",
-        "| --- | --- | --- |",
-    ]
-    lines += [f"| `{f.name}` | {f.scalar} | {f.doc} |" for f in schema.log_record.fields]
-    lines += [
-        "",
+        *_table("field|type|meaning", log_fields, name=0),
         "### Faults",
         "",
-        "| bit | name | stops | cause | next step |",
-        "| --- | --- | --- | --- | --- |",
-    ]
-    lines += [
-        f"| {i} | `{f.name}` | {'yes' if f.stops else 'no'} | {f.cause} | {f.next_step} |"
-        for i, f in enumerate(schema.faults)
-    ]
-    lines += [
+        *_table("bit|name|stops", faults),
+        "Causes and next steps:",
+        "",
+        *(line for f in schema.faults for line in _item(f"`{f.name}`: {f.cause}. Next: {f.next_step}.")),
         "",
         "### Parameters",
         "",
-        "| index | name | unit | kind | range | default | meaning |",
-        "| --- | --- | --- | --- | --- | --- | --- |",
+        *_table("index|name|unit|kind|range|default|meaning", parameters),
     ]
-    lines += [
-        f"| {i} | `{p.name}` | {p.unit} | {p.kind} | {p.minimum:g} to {p.maximum:g} | {p.default:g} | {p.doc} |"
-        for i, p in enumerate(schema.parameters)
-    ]
-    return [*lines, ""]
 
 
 def spec(schema: Schema, current: str) -> str:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from bench.figure import Figure
 from hil_sim import VirtualRobot
-from truing.device import Device
-from truing.drive import drive
+from truing.board.device import Device
+from truing.board.drive import drive
 from truing.link.client import Client
 from truing.link.framing import Frame, FrameDecoder, encode
 from truing.link.virtual_stream import VirtualStream

@@ -10,7 +10,7 @@ import numpy as np
 from bench.figure import Figure
 from support.simulated_runs import RICH, by_run, recordings
 from truing.diagnose.catalogue import CATALOGUE
-from truing.diagnose.data import SetData
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.simulation.simulator import SetSimulator
 
 RUNS = 13

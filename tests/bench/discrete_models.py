@@ -32,8 +32,8 @@ from truing.identify.held_out import folds, rms_by_run
 from truing.identify.signals import WheelSignal, wheel_signal
 from truing.identify.state_space import BLOCK_ROWS, MAXIMUM_FOLDS, START_ROWS, fit_state_space_signal
 from truing.model.linear import ArxModel, StateSpaceModel
-from truing.recording import WHEELS, RecordingSet
-from truing.recording_reader import read_recording_set
+from truing.recording.reader import read_recording_set
+from truing.recording.run import WHEELS, RecordingSet
 
 Array = NDArray[np.float64]
 Stretches = Sequence[EvenStretch]

@@ -25,8 +25,8 @@ from truing.identify.grey_box import fit_structure
 from truing.identify.model_ladder import fit_models
 from truing.identify.signals import WheelSignal, wheel_signal
 from truing.identify.structures import DELAY
-from truing.recording import WHEELS, RecordingSet
-from truing.recording_reader import read_recording_set
+from truing.recording.reader import read_recording_set
+from truing.recording.run import WHEELS, RecordingSet
 
 Array = NDArray[np.float64]
 Fit = Callable[[WheelSignal], list[Array]]

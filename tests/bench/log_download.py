@@ -9,8 +9,8 @@ from bench.figure import Figure
 from hil_sim import VirtualRobot
 from support.faulty_stream import FaultyStream
 from support.zmodem import transfer
-from truing.device import Device
-from truing.drive import drive
+from truing.board.device import Device
+from truing.board.drive import drive
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
 from truing.plan import parse_plan

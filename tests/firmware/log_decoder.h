@@ -1,4 +1,4 @@
-/* A decoder of log blocks, written from SPEC.md alone: the tests' second opinion on the core's coder. */
+/* A decoder of log blocks, written from SPEC.md alone: an independent check of the core's coder. */
 #ifndef LOG_DECODER_H
 #define LOG_DECODER_H
 
@@ -20,7 +20,7 @@ struct decoder_number {
 };
 
 struct decoder_series {
-    int64_t last, before, smooth, miss, errors[4];
+    int64_t last, before, smooth, residual, errors[4];
 };
 
 enum decoder_kind {
@@ -46,7 +46,7 @@ struct log_decoder {
     struct decoder_bit changed, differs;
     struct decoder_series travel[2], effort[2], battery;
     int64_t axes[2], turned;
-    int64_t mantissa, exponent, turn, most;
+    int64_t mantissa, exponent, turn, max_counts;
     uint64_t record, rate;
     int64_t before[16];
 };
@@ -90,7 +90,7 @@ static inline void log_decoder_start(struct log_decoder *d, float metres_per_cou
     d->turn = decoder_float(turns_per_count, &exponent);
     exponent += 40;
     d->turn = exponent > 23 ? INT64_C(1) << 47 : exponent >= 0 ? d->turn << exponent : d->turn >> -exponent;
-    d->most = d->turn > 0 ? (INT64_C(1) << 62) / d->turn : 0;
+    d->max_counts = d->turn > 0 ? (INT64_C(1) << 62) / d->turn : 0;
     d->record = first_record;
     d->rate = rate_hz > 0 ? rate_hz : 1;
 }
@@ -160,7 +160,7 @@ static inline int64_t decoder_clamp(int64_t value, int64_t limit)
     return value > limit ? limit : value < -limit ? -limit : value;
 }
 
-static inline void decoder_guesses(const struct decoder_series *s, int64_t out[4])
+static inline void decoder_predictions(const struct decoder_series *s, int64_t out[4])
 {
     const int64_t step = s->last - s->before;
     out[0] = s->last;
@@ -169,19 +169,19 @@ static inline void decoder_guesses(const struct decoder_series *s, int64_t out[4
     out[3] = (s->smooth + 32) >> 6;
 }
 
-static inline void decoder_learn(struct decoder_series *s, int64_t value, int64_t miss)
+static inline void decoder_update(struct decoder_series *s, int64_t value, int64_t residual)
 {
-    int64_t guesses[4];
-    decoder_guesses(s, guesses);
+    int64_t predictions[4];
+    decoder_predictions(s, predictions);
     value = decoder_clamp(value, 1 << 23);
     for (int i = 0; i < 4; i++) {
-        const int64_t off = llabs(value - guesses[i]);
+        const int64_t off = llabs(value - predictions[i]);
         s->errors[i] += 4 * (off < 1 << 20 ? off : 1 << 20) - (s->errors[i] >> 2);
     }
     s->smooth += (value * 64 - s->smooth) >> 2;
     s->before = s->last;
     s->last = value;
-    s->miss = miss;
+    s->residual = residual;
 }
 
 static inline int32_t decoder_wrap(int64_t value)
@@ -189,20 +189,20 @@ static inline int32_t decoder_wrap(int64_t value)
     return (int32_t)(uint32_t)(uint64_t)value;
 }
 
-static inline int32_t decoder_guessed(struct log_decoder *d, enum decoder_kind kind, struct decoder_series *s,
-                                      bool driven)
+static inline int32_t decoder_predicted(struct log_decoder *d, enum decoder_kind kind,
+                                        struct decoder_series *s, bool driven)
 {
-    int64_t guesses[4];
+    int64_t predictions[4];
     int best = 0;
-    decoder_guesses(s, guesses);
+    decoder_predictions(s, predictions);
     for (int i = 1; i < 4; i++) {
         best = s->errors[i] < s->errors[best] ? i : best;
     }
-    const int64_t size = llabs(s->miss);
+    const int64_t size = llabs(s->residual);
     const int64_t known = size < 2 ? size : size < 4 ? 2 : 3;
-    const int64_t miss = decoder_number(d, kind, s->last == 0 && s->before == 0 ? 4 + driven : known);
-    const int32_t value = decoder_wrap(guesses[best] + miss);
-    decoder_learn(s, value, miss);
+    const int64_t residual = decoder_number(d, kind, s->last == 0 && s->before == 0 ? 4 + driven : known);
+    const int32_t value = decoder_wrap(predictions[best] + residual);
+    decoder_update(s, value, residual);
     return value;
 }
 
@@ -224,7 +224,7 @@ static inline int64_t decoder_speed(const struct log_decoder *d, int64_t counts,
 
 static inline int64_t decoder_heading(const struct log_decoder *d, int32_t difference)
 {
-    return llabs((int64_t)difference) <= d->most ? difference * d->turn : 0;
+    return llabs((int64_t)difference) <= d->max_counts ? difference * d->turn : 0;
 }
 
 static inline int32_t decoder_heading_e4(int64_t q40)
@@ -259,11 +259,11 @@ static inline int32_t decoder_position(struct log_decoder *d, int axis, int64_t 
     const int64_t thousand = (at >> 10) * 1000;
     const int64_t expected = (thousand + (1 << 21)) >> 22;
     const int64_t eighths = llabs(thousand - expected * (1 << 22)) >> 19;
-    const int64_t miss = decoder_number(d, D_POSITION, still ? 0 : 1 + (eighths < 3 ? eighths : 3));
-    const int32_t value = decoder_wrap(expected + miss);
-    if (miss != 0) {
-        const int64_t twice = 2 * (int64_t)value + (miss > 0 ? -1 : 1);
-        at = decoder_clamp((twice * 1099511628 >> 9) + (miss > 0 ? 2048 : -2048), INT64_C(1) << 53);
+    const int64_t residual = decoder_number(d, D_POSITION, still ? 0 : 1 + (eighths < 3 ? eighths : 3));
+    const int32_t value = decoder_wrap(expected + residual);
+    if (residual != 0) {
+        const int64_t twice = 2 * (int64_t)value + (residual > 0 ? -1 : 1);
+        at = decoder_clamp((twice * 1099511628 >> 9) + (residual > 0 ? 2048 : -2048), INT64_C(1) << 53);
     }
     d->axes[axis] = at;
     return value;
@@ -282,9 +282,9 @@ static inline void decoder_pose(struct log_decoder *d, int64_t row[16])
     if (decoder_read(d, &d->differs)) {
         row[10] = decoder_wrap(row[10] + decoder_number(d, D_SPEED, 0));
         row[11] = decoder_wrap(row[11] + decoder_number(d, D_SPEED, 0));
-        const int64_t miss = decoder_number(d, D_HEADING, 0);
-        row[14] = decoder_wrap(row[14] + miss);
-        d->turned = decoder_wrap(d->turned + miss);
+        const int64_t residual = decoder_number(d, D_HEADING, 0);
+        row[14] = decoder_wrap(row[14] + residual);
+        d->turned = decoder_wrap(d->turned + residual);
     }
     const int64_t half = decoder_heading(d, decoder_wrap((int64_t)right - left)) >> 1;
     const uint32_t phase = (uint32_t)(uint64_t)((heading + d->turned * 17499069 - half) >> 8);
@@ -312,21 +312,21 @@ static inline void log_decoder_next(struct log_decoder *d, uint32_t words[16])
         }
     }
     for (int wheel = 0; wheel < 2; wheel++) {
-        const int32_t moved = decoder_guessed(d, D_TRAVEL, &d->travel[wheel], row[4 + wheel] != 0);
+        const int32_t moved = decoder_predicted(d, D_TRAVEL, &d->travel[wheel], row[4 + wheel] != 0);
         row[8 + wheel] = decoder_wrap(row[8 + wheel] + moved);
     }
     for (int wheel = 0; wheel < 2; wheel++) {
         const int64_t command = row[4 + wheel];
         if (row[1] == PROTO_MODE_VELOCITY) {
-            row[6 + wheel] = decoder_guessed(d, D_HELD, &d->effort[wheel], command != 0);
+            row[6 + wheel] = decoder_predicted(d, D_HELD, &d->effort[wheel], command != 0);
         } else {
-            const int64_t miss = decoder_number(d, D_SET, 0);
-            row[6 + wheel] = decoder_wrap((row[1] == PROTO_MODE_EFFORT ? command : 0) + miss);
-            decoder_learn(&d->effort[wheel], row[6 + wheel], miss);
+            const int64_t residual = decoder_number(d, D_SET, 0);
+            row[6 + wheel] = decoder_wrap((row[1] == PROTO_MODE_EFFORT ? command : 0) + residual);
+            decoder_update(&d->effort[wheel], row[6 + wheel], residual);
         }
     }
     decoder_pose(d, row);
-    row[15] = decoder_guessed(d, D_BATTERY, &d->battery, false);
+    row[15] = decoder_predicted(d, D_BATTERY, &d->battery, false);
     d->record = (uint32_t)(d->record + 1);
     memcpy(d->before, row, sizeof row);
     for (int i = 0; i < 16; i++) {

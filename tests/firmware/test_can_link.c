@@ -1,5 +1,5 @@
-/* Over CAN a board hears the same requests as over serial, keeps their order, and tells the bus how it is. */
-#include "bench.h"
+/* Over CAN a board accepts the same requests as over serial, keeps their order, and broadcasts its status. */
+#include "fixture.h"
 
 #include "isotp.h"
 
@@ -13,18 +13,18 @@ static struct frame replies[32];
 static uint8_t reply_bytes[32][FRAME_MAX_PLAIN];
 static size_t reply_count;
 static uint8_t node;
-static bool slow; /* the host gives no leave to replies for now */
+static bool slow; /* the host sends no flow control for replies for now */
 static struct hal_can_frame held;
 
 void setUp(void)
 {
-    bench_power_up();
+    fixture_power_up();
     isotp_init(&host, heard, sizeof heard, 0);
     broadcast_count = 0;
     reply_count = 0;
     node = 1;
     slow = false;
-    controller_poll(&bench.controller); /* joins */
+    controller_poll(&fixture.controller); /* joins */
 }
 
 void tearDown(void)
@@ -34,11 +34,11 @@ void tearDown(void)
 static void take_reply(const struct hal_can_frame *frame)
 {
     size_t length;
-    if (slow && frame->data[0] >> 4 == 1) { /* a first frame waits for leave */
+    if (slow && frame->data[0] >> 4 == 1) { /* a first frame waits for flow control */
         held = *frame;
         return;
     }
-    if (isotp_receive(&host, frame->data, frame->length, bench.controller.robot.now_ms, &length)) {
+    if (isotp_receive(&host, frame->data, frame->length, fixture.controller.robot.now_ms, &length)) {
         TEST_ASSERT_LESS_THAN(32, reply_count);
         memcpy(reply_bytes[reply_count], heard, length);
         TEST_ASSERT_TRUE(frame_open(reply_bytes[reply_count], length, &replies[reply_count]));
@@ -50,23 +50,24 @@ static void put(uint16_t id, const void *data, size_t length)
 {
     struct hal_can_frame frame = {.id = id, .length = (uint8_t)length};
     memcpy(frame.data, data, length);
-    TEST_ASSERT_LESS_THAN(HAL_HOST_CAN_FRAMES, bench.board.can_received_count);
-    bench.board.can_received[bench.board.can_received_count++] = frame;
+    TEST_ASSERT_LESS_THAN(HAL_HOST_CAN_FRAMES, fixture.board.can_received_count);
+    fixture.board.can_received[fixture.board.can_received_count++] = frame;
 }
 
-/* What lies on the bus reaches the other side, both ways. */
+/* Frames on the bus reach the other side, both ways. */
 static void exchange(void)
 {
     struct hal_can_frame frame;
-    for (size_t i = 0; i < bench.board.can_sent_count; i++) {
-        if (bench.board.can_sent[i].id == PROTO_CAN_BOARD_TO_HOST + node) {
-            take_reply(&bench.board.can_sent[i]);
+    for (size_t i = 0; i < fixture.board.can_sent_count; i++) {
+        if (fixture.board.can_sent[i].id == PROTO_CAN_BOARD_TO_HOST + node) {
+            take_reply(&fixture.board.can_sent[i]);
         } else {
-            broadcasts[broadcast_count++] = bench.board.can_sent[i];
+            broadcasts[broadcast_count++] = fixture.board.can_sent[i];
         }
     }
-    bench.board.can_sent_count = 0;
-    while ((frame.length = (uint8_t)isotp_next_frame(&host, frame.data, bench.controller.robot.now_ms)) > 0) {
+    fixture.board.can_sent_count = 0;
+    while ((frame.length = (uint8_t)isotp_next_frame(&host, frame.data, fixture.controller.robot.now_ms)) >
+           0) {
         put((uint16_t)(PROTO_CAN_HOST_TO_BOARD + node), frame.data, frame.length);
     }
 }
@@ -75,7 +76,7 @@ static void run_bus(uint32_t ms)
 {
     for (uint32_t i = 0; i < ms; i++) {
         exchange();
-        bench_run(1);
+        fixture_run(1);
     }
     exchange();
 }
@@ -97,23 +98,23 @@ static void say(uint8_t id, uint16_t sequence, const void *payload, size_t lengt
     TEST_ASSERT_TRUE(isotp_send(&host, said, plain));
     for (int i = 0; i < 400 && !isotp_is_idle(&host); i++) {
         exchange();
-        controller_poll(&bench.controller);
+        controller_poll(&fixture.controller);
     }
     TEST_ASSERT_TRUE(isotp_is_idle(&host));
-    controller_poll(&bench.controller);
+    controller_poll(&fixture.controller);
 }
 
 static const struct frame *ask(uint8_t id, const void *payload, size_t length)
 {
     const size_t before = reply_count;
-    bench.sequence++;
-    say(id, bench.sequence, payload, length);
+    fixture.sequence++;
+    say(id, fixture.sequence, payload, length);
     for (int i = 0; i < 400 && reply_count == before; i++) {
         exchange();
-        controller_poll(&bench.controller);
+        controller_poll(&fixture.controller);
     }
     TEST_ASSERT_EQUAL_MESSAGE(before + 1, reply_count, "no reply over CAN");
-    TEST_ASSERT_EQUAL_UINT16(bench.sequence, replies[before].sequence);
+    TEST_ASSERT_EQUAL_UINT16(fixture.sequence, replies[before].sequence);
     return &replies[before];
 }
 
@@ -160,14 +161,14 @@ static size_t count_broadcasts(uint16_t id)
 
 static void it_joins_as_its_node_at_its_bit_rate(void)
 {
-    TEST_ASSERT_EQUAL_UINT32(1000000, bench.board.can_bits_per_s);
-    TEST_ASSERT_EQUAL_HEX16(PROTO_CAN_HOST_TO_BOARD + 1, bench.board.can_ids[0]);
-    TEST_ASSERT_EQUAL_HEX16(PROTO_CAN_HOST_TO_BOARD, bench.board.can_ids[1]);
-    bench_set_parameter(PROTO_PARAMETER_CAN_NODE, 5.0f);
-    bench_set_parameter(PROTO_PARAMETER_CAN_BITRATE_KBPS, 500.0f);
-    controller_poll(&bench.controller);
-    TEST_ASSERT_EQUAL_UINT32(500000, bench.board.can_bits_per_s);
-    TEST_ASSERT_EQUAL_HEX16(PROTO_CAN_HOST_TO_BOARD + 5, bench.board.can_ids[0]);
+    TEST_ASSERT_EQUAL_UINT32(1000000, fixture.board.can_bits_per_s);
+    TEST_ASSERT_EQUAL_HEX16(PROTO_CAN_HOST_TO_BOARD + 1, fixture.board.can_ids[0]);
+    TEST_ASSERT_EQUAL_HEX16(PROTO_CAN_HOST_TO_BOARD, fixture.board.can_ids[1]);
+    fixture_set_parameter(PROTO_PARAMETER_CAN_NODE, 5.0f);
+    fixture_set_parameter(PROTO_PARAMETER_CAN_BITRATE_KBPS, 500.0f);
+    controller_poll(&fixture.controller);
+    TEST_ASSERT_EQUAL_UINT32(500000, fixture.board.can_bits_per_s);
+    TEST_ASSERT_EQUAL_HEX16(PROTO_CAN_HOST_TO_BOARD + 5, fixture.board.can_ids[0]);
     node = 5;
     (void)ask_status();
 }
@@ -179,29 +180,29 @@ static void a_node_changed_over_can_is_confirmed_under_the_old_number(void)
     const size_t length = proto_param_set_request_encode(&request, payload, sizeof payload);
     TEST_ASSERT_EQUAL_HEX8(PROTO_ID_PARAM_SET | PROTO_REPLY_BIT,
                            ask(PROTO_ID_PARAM_SET, payload, length)->id);
-    controller_poll(&bench.controller);
-    TEST_ASSERT_EQUAL_HEX16(PROTO_CAN_HOST_TO_BOARD + 9, bench.board.can_ids[0]);
+    controller_poll(&fixture.controller);
+    TEST_ASSERT_EQUAL_HEX16(PROTO_CAN_HOST_TO_BOARD + 9, fixture.board.can_ids[0]);
     node = 9;
     (void)ask_status();
 }
 
 static void a_bus_that_takes_nothing_does_not_hold_up_a_new_node(void)
 {
-    bench.board.can_room = 0;
+    fixture.board.can_room = 0;
     say(PROTO_ID_STATUS, 1, NULL, 0);
-    bench_set_parameter(PROTO_PARAMETER_CAN_NODE, 9.0f);
-    controller_poll(&bench.controller);
-    TEST_ASSERT_EQUAL_HEX16(PROTO_CAN_HOST_TO_BOARD + 9, bench.board.can_ids[0]);
+    fixture_set_parameter(PROTO_PARAMETER_CAN_NODE, 9.0f);
+    controller_poll(&fixture.controller);
+    TEST_ASSERT_EQUAL_HEX16(PROTO_CAN_HOST_TO_BOARD + 9, fixture.board.can_ids[0]);
 }
 
 static void requests_are_answered_as_over_serial(void)
 {
     static const uint8_t hello[PROTO_HELLO_REQUEST_SIZE] = {1};
     const struct frame *const reply = ask(PROTO_ID_HELLO, hello, sizeof hello);
-    bench_ask(PROTO_ID_HELLO, hello, sizeof hello);
-    TEST_ASSERT_EQUAL_HEX8(bench.reply.id, reply->id);
-    TEST_ASSERT_EQUAL(bench.reply.payload_length, reply->payload_length);
-    TEST_ASSERT_EQUAL_HEX8_ARRAY(bench.reply.payload, reply->payload, reply->payload_length);
+    fixture_ask(PROTO_ID_HELLO, hello, sizeof hello);
+    TEST_ASSERT_EQUAL_HEX8(fixture.reply.id, reply->id);
+    TEST_ASSERT_EQUAL(fixture.reply.payload_length, reply->payload_length);
+    TEST_ASSERT_EQUAL_HEX8_ARRAY(fixture.reply.payload, reply->payload, reply->payload_length);
 }
 
 static void a_long_upload_arrives_over_can(void)
@@ -212,7 +213,7 @@ static void a_long_upload_arrives_over_can(void)
         const struct proto_segment segment = {PROTO_SEGMENT_KIND_EFFORT, 100, 0.3f, 0.3f};
         (void)proto_segment_encode(&segment, payload + 2 + i * PROTO_SEGMENT_SIZE, PROTO_SEGMENT_SIZE);
     }
-    bench_begin_upload(SEGMENTS, 0);
+    fixture_begin_upload(SEGMENTS, 0);
     const struct frame *const reply =
         ask(PROTO_ID_SEQ_SEGMENTS, payload, (size_t)2 + (size_t)SEGMENTS * PROTO_SEGMENT_SIZE);
     TEST_ASSERT_EQUAL_HEX8(PROTO_ID_SEQ_SEGMENTS | PROTO_REPLY_BIT, reply->id);
@@ -221,11 +222,11 @@ static void a_long_upload_arrives_over_can(void)
 static void a_change_is_made_once_per_request_on_each_side(void)
 {
     set_effort_over_can(0.3f, 0.3f);
-    bench_stop();
+    fixture_stop();
     /* The same request again, as after a lost reply: confirmed, not carried out. */
-    bench.sequence = (uint16_t)(bench.sequence - 2);
+    fixture.sequence = (uint16_t)(fixture.sequence - 2);
     set_effort_over_can(0.3f, 0.3f);
-    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, bench_status().state);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, fixture_status().state);
 }
 
 static void a_call_is_answered_within_the_time_that_spreads_the_boards(void)
@@ -236,10 +237,10 @@ static void a_call_is_answered_within_the_time_that_spreads_the_boards(void)
         struct proto_can_announce announced;
         const uint8_t id[12] = {board};
         setUp();
-        memcpy(bench.board.identity.board_id, id, sizeof id);
-        controller_init(&bench.controller);
-        controller_poll(&bench.controller);
-        bench_set_parameter(PROTO_PARAMETER_CAN_STATUS_HZ, 0.0f);
+        memcpy(fixture.board.identity.board_id, id, sizeof id);
+        controller_init(&fixture.controller);
+        controller_poll(&fixture.controller);
+        fixture_set_parameter(PROTO_PARAMETER_CAN_STATUS_HZ, 0.0f);
         put(PROTO_CAN_HOST_TO_BOARD, &call, 1);
         after_ms[board] = 0;
         for (; after_ms[board] <= 64 && broadcast_count == 0; after_ms[board]++) {
@@ -265,7 +266,7 @@ static void a_call_to_stop_stops_and_other_calls_do_nothing(void)
     run_bus(2);
     TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_LIVE, ask_status().state);
     put(PROTO_CAN_HOST_TO_BOARD, &stop, 1);
-    controller_poll(&bench.controller);
+    controller_poll(&fixture.controller);
     TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, ask_status().state);
 }
 
@@ -273,22 +274,22 @@ static void a_message_with_a_wrong_crc_is_dropped_and_counted(void)
 {
     const uint8_t bad[8] = {0x07, PROTO_ID_STOP, 1, 0, 9, 9, 9, 9};
     put((uint16_t)(PROTO_CAN_HOST_TO_BOARD + 1), bad, sizeof bad);
-    controller_poll(&bench.controller);
+    controller_poll(&fixture.controller);
     TEST_ASSERT_EQUAL_UINT32(1, ask_status().frames_dropped);
 }
 
 static void status_is_broadcast_as_often_as_asked(void)
 {
-    bench_set_parameter(PROTO_PARAMETER_CAN_STATUS_HZ, 50.0f);
+    fixture_set_parameter(PROTO_PARAMETER_CAN_STATUS_HZ, 50.0f);
     run_bus(1000);
     TEST_ASSERT_UINT32_WITHIN(1, 50, count_broadcasts(PROTO_CAN_STATUS_BASE + 1));
     TEST_ASSERT_UINT32_WITHIN(1, 50, count_broadcasts(PROTO_CAN_MOTION_BASE + 1));
     broadcast_count = 0;
-    bench_set_parameter(PROTO_PARAMETER_CAN_STATUS_HZ, 0.0f);
+    fixture_set_parameter(PROTO_PARAMETER_CAN_STATUS_HZ, 0.0f);
     run_bus(1000);
     TEST_ASSERT_EQUAL(0, broadcast_count);
-    bench.board.can_room = 1; /* not both frames: neither */
-    bench_set_parameter(PROTO_PARAMETER_CAN_STATUS_HZ, 50.0f);
+    fixture.board.can_room = 1; /* not both frames: neither */
+    fixture_set_parameter(PROTO_PARAMETER_CAN_STATUS_HZ, 50.0f);
     run_bus(100);
     TEST_ASSERT_EQUAL(0, broadcast_count);
 }
@@ -298,7 +299,7 @@ static void a_broadcast_says_what_the_wheels_do_and_what_is_wrong(void)
     struct proto_can_status how;
     struct proto_can_motion motion;
     set_effort_over_can(0.4f, 0.2f);
-    run_bus(800); /* the host falls silent: a fault and braked wheels at the end, motion before */
+    run_bus(800); /* the host stops sending: motion before the time-out, a fault and braked wheels after it */
     const size_t last = broadcast_count - 1;
     TEST_ASSERT_TRUE(proto_can_status_decode(&how, broadcasts[last - 1].data, broadcasts[last - 1].length));
     TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_HOST_SILENT, how.faults);
@@ -316,10 +317,10 @@ static void a_broadcast_says_what_the_wheels_do_and_what_is_wrong(void)
 static void make_logs(uint32_t count)
 {
     const struct proto_segment segment = {PROTO_SEGMENT_KIND_EFFORT, 40, 0.0f, 0.0f};
-    const uint32_t crc = bench_upload(&segment, 1, 200);
+    const uint32_t crc = fixture_upload(&segment, 1, 200);
     for (uint32_t i = 0; i < count; i++) {
-        (void)bench_start(crc);
-        bench_run(60);
+        (void)fixture_start(crc);
+        fixture_run(60);
     }
 }
 
@@ -357,7 +358,7 @@ static void a_stop_goes_past_all_that_waits(void)
         say_log_list(i);
     }
     say(PROTO_ID_STOP, 5, NULL, 0);
-    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, bench.controller.robot.supervisor.state);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, fixture.controller.robot.supervisor.state);
     release_replies();
     run_bus(100);
     TEST_ASSERT_EQUAL(5, reply_count);
@@ -397,7 +398,7 @@ static void more_requests_than_may_wait_are_lost(void)
 static void a_reply_without_room_is_not_sent_in_part(void)
 {
     static const uint8_t payload[PROTO_MAX_PAYLOAD];
-    struct can_link *const can = &bench.controller.can;
+    struct can_link *const can = &fixture.controller.can;
     can_link_send(can, 0x81, 1, payload, sizeof payload);
     can_link_send(can, 0x82, 2, payload, sizeof payload);
     can_link_send(can, 0x83, 3, payload, 10);
@@ -410,14 +411,15 @@ static void a_reply_without_room_is_not_sent_in_part(void)
 static struct proto_can_state_reply can_state(void)
 {
     struct proto_can_state_reply state;
-    bench_ask(PROTO_ID_CAN_STATE, NULL, 0);
-    TEST_ASSERT_TRUE(proto_can_state_reply_decode(&state, bench.reply.payload, bench.reply.payload_length));
+    fixture_ask(PROTO_ID_CAN_STATE, NULL, 0);
+    TEST_ASSERT_TRUE(
+        proto_can_state_reply_decode(&state, fixture.reply.payload, fixture.reply.payload_length));
     return state;
 }
 
 static void the_state_of_the_bus_is_told_over_serial(void)
 {
-    bench.board.can_report = (struct hal_can_report){
+    fixture.board.can_report = (struct hal_can_report){
         .state = PROTO_CAN_BUS_STATE_PASSIVE,
         .transmit_errors = 128,
         .receive_errors = 3,
@@ -444,19 +446,19 @@ static void the_state_of_the_bus_is_told_over_serial(void)
 
 static void leaving_a_bus_that_had_worked_is_a_fault_for_a_second_at_least(void)
 {
-    bench.board.can_report.state = PROTO_CAN_BUS_STATE_BUS_OFF;
-    bench_run(10);
-    TEST_ASSERT_EQUAL_HEX32(0, bench_status().faults_active); /* nobody had been there */
-    bench.board.can_report.received = 1;
-    bench_run(10);
-    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_CAN_BUS_OFF, bench_status().faults_active);
-    bench_set_effort(0.2f, 0.2f);
-    bench_expect_accepted(); /* no reason not to drive */
-    bench.board.can_report.state = PROTO_CAN_BUS_STATE_ACTIVE;
-    bench_run(990);
-    TEST_ASSERT_TRUE((bench_status().faults_active & PROTO_FAULT_CAN_BUS_OFF) != 0);
-    bench_run(20);
-    TEST_ASSERT_EQUAL_HEX32(0, bench_status().faults_active & PROTO_FAULT_CAN_BUS_OFF);
+    fixture.board.can_report.state = PROTO_CAN_BUS_STATE_BUS_OFF;
+    fixture_run(10);
+    TEST_ASSERT_EQUAL_HEX32(0, fixture_status().faults_active); /* no other node had been on the bus */
+    fixture.board.can_report.received = 1;
+    fixture_run(10);
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_CAN_BUS_OFF, fixture_status().faults_active);
+    fixture_set_effort(0.2f, 0.2f);
+    fixture_expect_accepted(); /* does not prevent driving */
+    fixture.board.can_report.state = PROTO_CAN_BUS_STATE_ACTIVE;
+    fixture_run(990);
+    TEST_ASSERT_TRUE((fixture_status().faults_active & PROTO_FAULT_CAN_BUS_OFF) != 0);
+    fixture_run(20);
+    TEST_ASSERT_EQUAL_HEX32(0, fixture_status().faults_active & PROTO_FAULT_CAN_BUS_OFF);
 }
 
 int main(void)

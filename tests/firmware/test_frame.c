@@ -1,4 +1,4 @@
-/* Frames survive the line, and nothing else passes for one. */
+/* Frames are received whole, and nothing else is accepted as a frame. */
 #include <string.h>
 
 #include "crc32.h"
@@ -62,7 +62,7 @@ static void frames_of_every_length_come_back(void)
     struct frame frame;
     random_seed(1);
     for (size_t length = 0; length <= PROTO_MAX_PAYLOAD; length++) {
-        /* Dense in zeros at times, without any at others: both ends of what stuffing does. */
+        /* Payloads with many zeros and with none: both extremes of stuffing. */
         const uint32_t zero_in = 1 + random_below(600);
         for (size_t i = 0; i < length; i++) {
             payload[i] = random_below(zero_in) == 0 ? 0 : (uint8_t)(1 + random_below(255));

@@ -1,4 +1,4 @@
-/* ISO-TP: two ends understand each other at every length and pace, and a bad peer costs one message. */
+/* ISO-TP: two ends communicate at every length and pace, and a faulty peer costs one message. */
 #include <string.h>
 
 #include "isotp.h"
@@ -64,7 +64,7 @@ static void expect_next(struct isotp *from, const char *bytes, size_t size)
 
 #define EXPECT_NEXT(from, bytes) expect_next(from, bytes, sizeof(bytes) - 1)
 
-/* Takes the first frame of a message of `length` and whatever comes next, until a waits for leave. */
+/* Takes the first frame of a message of `length` and the frames after it, until a waits for flow control. */
 static void begin_message(size_t length)
 {
     uint8_t frame[ISOTP_FRAME_SIZE];
@@ -129,7 +129,7 @@ static void frames_that_say_nothing_sensible_are_counted_and_ignored(void)
     TEST_ASSERT_FALSE(GIVE(&b, "\x10\x40\x01\x02"));                 /* a short one */
     TEST_ASSERT_FALSE(GIVE(&b, "\x10\x07\x01\x02\x03\x04\x05\x06")); /* for what one frame holds */
     TEST_ASSERT_FALSE(GIVE(&b, "\x21\x01\x02"));                     /* a continuation of nothing */
-    TEST_ASSERT_FALSE(GIVE(&b, "\x30\x00\x00"));                     /* leave that nobody asked for */
+    TEST_ASSERT_FALSE(GIVE(&b, "\x30\x00\x00"));                     /* flow control that was not requested */
     TEST_ASSERT_FALSE(GIVE(&b, "\x70\x00\x00"));                     /* a kind that does not exist */
     TEST_ASSERT_EQUAL_UINT32(9, b.errors.unexpected);
     TEST_ASSERT_FALSE(GIVE(&b, ""));
@@ -200,7 +200,7 @@ static void an_unknown_flow_status_gives_the_message_up(void)
     TEST_ASSERT_TRUE(isotp_is_idle(&a));
 }
 
-/* Milliseconds between the first two frames of a block, after leave with this STmin. */
+/* Milliseconds between the first two frames of a block, after flow control with this STmin. */
 static uint32_t gap_for(uint8_t st_min)
 {
     const char leave[] = {0x30, 0x00, (char)st_min};

@@ -1,4 +1,4 @@
-/* The log's ring: sealed blocks do not change, and old ones go in order. */
+/* The log's ring: sealed blocks do not change, and old ones are overwritten in order. */
 #include "log.h"
 
 #include <stdlib.h>
@@ -11,13 +11,13 @@
 #include "random.h"
 #include "unity.h"
 
-enum { MOST_RECORDS = 4096 };
+enum { MAX_RECORDS = 4096 };
 
 static struct log ring;
 static struct hal_host board;
 static uint32_t ring_size;
 static uint8_t bytes[HAL_LOG_MEMORIES * HAL_HOST_LOG_SIZE];
-static struct proto_log_record decoded[MOST_RECORDS];
+static struct proto_log_record decoded[MAX_RECORDS];
 
 static void power_up(size_t first_memory, size_t second_memory)
 {
@@ -123,7 +123,7 @@ static int decode_at(uint32_t *cell, uint16_t log_id)
     uint8_t block[PROTO_LOG_BLOCK_LIMIT];
     const uint32_t left = log_end_offset(&ring) - *cell * PROTO_LOG_CELL_SIZE;
     log_copy(&ring, *cell * PROTO_LOG_CELL_SIZE, block, left < sizeof block ? left : sizeof block);
-    const int found = log_decoder_block(block, *cell, log_id, decoded, MOST_RECORDS);
+    const int found = log_decoder_block(block, *cell, log_id, decoded, MAX_RECORDS);
     *cell += log_decoder_span(block) / PROTO_LOG_CELL_SIZE;
     return found;
 }
@@ -234,7 +234,7 @@ static void long_log_wraps_and_keeps_its_newest_blocks(void)
     TEST_ASSERT_EQUAL_UINT32(log_oldest_offset(&ring), entry.first_cell * PROTO_LOG_CELL_SIZE);
     TEST_ASSERT_EQUAL_UINT32(log_end_offset(&ring),
                              (entry.first_cell + entry.cell_count) * PROTO_LOG_CELL_SIZE);
-    /* Where the kept part begins is told by its first record's time. */
+    /* The time of the first record shows where the kept part begins. */
     uint32_t cell = entry.first_cell;
     TEST_ASSERT_TRUE(decode_at(&cell, 1) > 0);
     const uint32_t first = decoded[0].t_ms / 50;

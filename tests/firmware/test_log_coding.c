@@ -1,4 +1,4 @@
-/* The log's coding loses nothing, whatever the records. */
+/* The log's coding is lossless for all records. */
 #include "log_coding.h"
 
 #include <math.h>
@@ -16,7 +16,7 @@ static const struct log_format paper = {.geometry = {0.00016624259f, 9.3492346e-
 static struct log_coder coder;
 static struct log_decoder decoder;
 static uint32_t words[RECORDS][PROTO_LOG_FIELD_COUNT];
-static uint8_t coded[RECORDS * LOG_CODING_MOST];
+static uint8_t coded[RECORDS * LOG_CODING_MAX];
 
 void setUp(void)
 {
@@ -35,7 +35,7 @@ static size_t code_all(const struct log_format *format, uint32_t first, int coun
         proto_log_record_to_words(&record, words[i]); /* what the fields' types hold */
         const size_t before = log_coder_size(&coder);
         log_coder_add(&coder, &record);
-        TEST_ASSERT_TRUE(log_coder_size(&coder) - before <= (size_t)LOG_CODING_MOST);
+        TEST_ASSERT_TRUE(log_coder_size(&coder) - before <= (size_t)LOG_CODING_MAX);
     }
     return log_coder_finish(&coder);
 }
@@ -125,7 +125,7 @@ static void every_geometry_and_rate_that_parameters_allow_comes_back(void)
     }
 }
 
-/* What the log's own arithmetic finds from counts, as the recorder logs it. */
+/* Speeds and pose by the log's own arithmetic from counts, as the recorder logs them. */
 static void drive_whose_pose_follows_from_its_counts(void)
 {
     struct log_replay replay;

@@ -1,4 +1,5 @@
-/* Odometry follows closed-form arcs without drift over kilometres; its sine and cosine are good enough. */
+/* Odometry follows closed-form arcs without drift over kilometres; its sine and cosine are accurate
+ * enough. */
 #include <math.h>
 
 #include "odometry.h"
@@ -151,7 +152,7 @@ static void one_count_a_second_is_not_lost(void)
 
 static void ten_kilometres_in_circles_end_within_a_millimetre_per_kilometre(void)
 {
-    /* The counts are the truth here, so the reference is the same sum in double precision with libm. */
+    /* The counts are exact here, so the reference is the same sum in double precision with libm. */
     const double per_count = 2.0 * pi * radius_m / COUNTS_PER_REV;
     double x = 0.0;
     double y = 0.0;
@@ -172,8 +173,8 @@ static void ten_kilometres_in_circles_end_within_a_millimetre_per_kilometre(void
     const double travelled = (double)sum / 2.0 * per_count;
     const double error = hypot(x_m() - x, y_m() - y);
     const double turned = (double)difference * per_count / wheelbase_m;
-    printf("%.0f m driven, %.0f rad turned: position off by %.2e m, heading by %.2e rad\n", travelled, turned,
-           error, fabs(theta_rad() - turned));
+    printf("%.0f m driven, %.0f rad turned: odometry error %.2e m, %.2e rad\n", travelled, turned, error,
+           fabs(theta_rad() - turned));
     TEST_ASSERT_TRUE(travelled > 9000.0);
     TEST_ASSERT_TRUE(error < travelled * 1e-6);
     TEST_ASSERT_TRUE(fabs(theta_rad() - turned) < turned * 1e-6);

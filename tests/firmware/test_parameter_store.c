@@ -1,5 +1,5 @@
-/* Parameters outlive power, other images, cuts of the power at any write, bad cells and worn memory. */
-#include "bench.h"
+/* Parameters survive power-off, other images, power cuts at any write, bad cells and worn memory. */
+#include "fixture.h"
 
 #include <stdio.h>
 
@@ -13,7 +13,7 @@ enum { BASE = PROTO_PARAMETER_WHEELBASE_M, LIMIT = PROTO_PARAMETER_EFFORT_LIMIT 
 
 void setUp(void)
 {
-    bench_power_up();
+    fixture_power_up();
 }
 
 void tearDown(void)
@@ -22,42 +22,44 @@ void tearDown(void)
 
 static void power_cycle(void)
 {
-    hal_host_power_cycle(&bench.board);
-    memset(&bench.decoder, 0, sizeof bench.decoder);
-    controller_init(&bench.controller);
+    hal_host_power_cycle(&fixture.board);
+    memset(&fixture.decoder, 0, sizeof fixture.decoder);
+    controller_init(&fixture.controller);
 }
 
 static float in_force(uint16_t index)
 {
-    return bench.controller.robot.parameters.values[index];
+    return fixture.controller.robot.parameters.values[index];
 }
 
 static void ask_save(void)
 {
-    bench_ask(PROTO_ID_PARAM_SAVE, NULL, 0);
+    fixture_ask(PROTO_ID_PARAM_SAVE, NULL, 0);
 }
 
 static struct proto_param_save_reply save(void)
 {
     struct proto_param_save_reply reply = {0};
     ask_save();
-    bench_expect_accepted();
-    TEST_ASSERT_TRUE(proto_param_save_reply_decode(&reply, bench.reply.payload, bench.reply.payload_length));
+    fixture_expect_accepted();
+    TEST_ASSERT_TRUE(
+        proto_param_save_reply_decode(&reply, fixture.reply.payload, fixture.reply.payload_length));
     return reply;
 }
 
 static void set_and_save(float wheelbase_m)
 {
-    bench_set_parameter(BASE, wheelbase_m);
-    bench_expect_accepted();
+    fixture_set_parameter(BASE, wheelbase_m);
+    fixture_expect_accepted();
     TEST_ASSERT_EQUAL_UINT8(1, save().written);
 }
 
 static struct proto_param_store_reply store(void)
 {
     struct proto_param_store_reply reply = {0};
-    bench_ask(PROTO_ID_PARAM_STORE, NULL, 0);
-    TEST_ASSERT_TRUE(proto_param_store_reply_decode(&reply, bench.reply.payload, bench.reply.payload_length));
+    fixture_ask(PROTO_ID_PARAM_STORE, NULL, 0);
+    TEST_ASSERT_TRUE(
+        proto_param_store_reply_decode(&reply, fixture.reply.payload, fixture.reply.payload_length));
     return reply;
 }
 
@@ -65,21 +67,22 @@ static struct proto_param_list_reply listed(uint16_t index)
 {
     struct proto_param_list_reply reply = {0};
     const uint8_t payload[2] = {(uint8_t)index, 0};
-    bench_ask(PROTO_ID_PARAM_LIST, payload, sizeof payload);
-    TEST_ASSERT_TRUE(proto_param_list_reply_decode(&reply, bench.reply.payload, bench.reply.payload_length));
+    fixture_ask(PROTO_ID_PARAM_LIST, payload, sizeof payload);
+    TEST_ASSERT_TRUE(
+        proto_param_list_reply_decode(&reply, fixture.reply.payload, fixture.reply.payload_length));
     return reply;
 }
 
 static bool damage_is_reported(void)
 {
-    bench_run(1);
-    return (bench_status().faults_active & PROTO_FAULT_PARAMETER_STORE_DAMAGED) != 0;
+    fixture_run(1);
+    return (fixture_status().faults_active & PROTO_FAULT_PARAMETER_STORE_DAMAGED) != 0;
 }
 
 static void a_store_never_written_gives_the_defaults_and_no_fault(void)
 {
     for (int zeros = 0; zeros < 2; zeros++) { /* what an erased cell reads as differs from part to part */
-        memset(bench.board.store, zeros ? 0x00 : 0xFF, sizeof bench.board.store);
+        memset(fixture.board.store, zeros ? 0x00 : 0xFF, sizeof fixture.board.store);
         power_cycle();
         TEST_ASSERT_EQUAL_FLOAT(0.283f, in_force(BASE));
         TEST_ASSERT_FALSE(damage_is_reported());
@@ -93,11 +96,11 @@ static void a_store_never_written_gives_the_defaults_and_no_fault(void)
 static void what_was_saved_comes_back_and_what_was_only_set_does_not(void)
 {
     set_and_save(0.29f);
-    bench_set_parameter(LIMIT, 0.5f);
+    fixture_set_parameter(LIMIT, 0.5f);
     power_cycle();
     TEST_ASSERT_EQUAL_FLOAT(0.29f, in_force(BASE));
     TEST_ASSERT_EQUAL_FLOAT(1.0f, in_force(LIMIT));
-    TEST_ASSERT_EQUAL_FLOAT(0.145f, bench.controller.robot.tuning.half_wheelbase_m);
+    TEST_ASSERT_EQUAL_FLOAT(0.145f, fixture.controller.robot.tuning.half_wheelbase_m);
     TEST_ASSERT_EQUAL_UINT16(PROTO_PARAMETER_COUNT, store().stored);
     TEST_ASSERT_FALSE(damage_is_reported());
 }
@@ -119,27 +122,27 @@ static void many_saves_take_turns_and_the_last_one_counts(void)
 static void saving_the_same_values_again_wears_no_cell(void)
 {
     set_and_save(0.29f);
-    const uint32_t operations = bench.board.store_operations;
+    const uint32_t operations = fixture.board.store_operations;
     const struct proto_param_save_reply again = save();
     TEST_ASSERT_EQUAL_UINT8(0, again.written);
     TEST_ASSERT_EQUAL_UINT32(1, again.sequence);
     TEST_ASSERT_EQUAL_UINT16(0, again.stall_ms);
-    TEST_ASSERT_EQUAL_UINT32(operations, bench.board.store_operations);
+    TEST_ASSERT_EQUAL_UINT32(operations, fixture.board.store_operations);
 }
 
 static void load_goes_back_to_the_stored_values_and_defaults_leave_the_store_alone(void)
 {
     set_and_save(0.29f);
-    bench_set_parameter(BASE, 0.3f);
+    fixture_set_parameter(BASE, 0.3f);
     TEST_ASSERT_EQUAL_FLOAT(0.3f, listed(BASE).value);
     TEST_ASSERT_EQUAL_UINT8(1, listed(BASE).stored);
     TEST_ASSERT_EQUAL_FLOAT(0.29f, listed(BASE).stored_value);
-    bench_ask(PROTO_ID_PARAM_LOAD, NULL, 0);
-    bench_expect_accepted();
+    fixture_ask(PROTO_ID_PARAM_LOAD, NULL, 0);
+    fixture_expect_accepted();
     TEST_ASSERT_EQUAL_FLOAT(0.29f, in_force(BASE));
-    TEST_ASSERT_EQUAL_FLOAT(0.145f, bench.controller.robot.tuning.half_wheelbase_m);
-    bench_ask(PROTO_ID_PARAM_DEFAULTS, NULL, 0);
-    bench_expect_accepted();
+    TEST_ASSERT_EQUAL_FLOAT(0.145f, fixture.controller.robot.tuning.half_wheelbase_m);
+    fixture_ask(PROTO_ID_PARAM_DEFAULTS, NULL, 0);
+    fixture_expect_accepted();
     TEST_ASSERT_EQUAL_FLOAT(0.283f, in_force(BASE));
     TEST_ASSERT_EQUAL_FLOAT(0.29f, listed(BASE).stored_value);
     power_cycle();
@@ -149,72 +152,72 @@ static void load_goes_back_to_the_stored_values_and_defaults_leave_the_store_alo
 static void expect_all_refused(enum proto_refusal_reason reason, uint32_t detail)
 {
     const uint8_t ids[] = {PROTO_ID_PARAM_SAVE, PROTO_ID_PARAM_LOAD, PROTO_ID_PARAM_DEFAULTS};
-    const uint32_t operations = bench.board.store_operations;
+    const uint32_t operations = fixture.board.store_operations;
     for (size_t i = 0; i < sizeof ids; i++) {
-        bench_ask(ids[i], NULL, 0);
-        bench_expect_refused(reason, detail);
+        fixture_ask(ids[i], NULL, 0);
+        fixture_expect_refused(reason, detail);
     }
-    TEST_ASSERT_EQUAL_UINT32(operations, bench.board.store_operations);
+    TEST_ASSERT_EQUAL_UINT32(operations, fixture.board.store_operations);
 }
 
 static void nothing_is_saved_or_loaded_while_the_robot_moves(void)
 {
     const struct proto_segment drive = {PROTO_SEGMENT_KIND_EFFORT, 100, 0.3f, 0.3f};
-    bench_set_parameter(BASE, 0.29f);
-    bench_set_effort(0.1f, 0.1f);
-    bench_run(10);
+    fixture_set_parameter(BASE, 0.29f);
+    fixture_set_effort(0.1f, 0.1f);
+    fixture_run(10);
     expect_all_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_LIVE);
-    TEST_ASSERT_EQUAL_INT16(1000, bench.board.effort_e4[0]);
-    bench_stop();
-    bench_run(2000);
-    (void)bench_start(bench_upload(&drive, 1, 0));
+    TEST_ASSERT_EQUAL_INT16(1000, fixture.board.effort_e4[0]);
+    fixture_stop();
+    fixture_run(2000);
+    (void)fixture_start(fixture_upload(&drive, 1, 0));
     expect_all_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_SEQUENCE);
-    bench_run(2000);
+    fixture_run(2000);
     TEST_ASSERT_EQUAL_UINT8(1, save().written);
 }
 
 static void a_save_right_after_a_stop_waits_for_the_last_record_of_the_log(void)
 {
-    bench_set_effort(0.1f, 0.1f);
-    bench_run(10);
-    bench_stop();
+    fixture_set_effort(0.1f, 0.1f);
+    fixture_run(10);
+    fixture_stop();
     ask_save();
-    bench_expect_refused(PROTO_REFUSAL_REASON_LOG_BUSY, 0);
-    bench_run(1);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_LOG_BUSY, 0);
+    fixture_run(1);
     ask_save();
-    bench_expect_accepted();
+    fixture_expect_accepted();
 }
 
 static void a_robot_stopped_by_a_fault_may_save(void)
 {
-    bench_set_effort(0.1f, 0.1f);
-    bench_run(600); /* the host is silent */
-    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, bench_status().state);
+    fixture_set_effort(0.1f, 0.1f);
+    fixture_run(600); /* the host is silent */
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, fixture_status().state);
     set_and_save(0.29f);
-    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, bench_status().state);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, fixture_status().state);
 }
 
 static void a_save_brakes_feeds_the_watchdog_and_costs_no_device_time(void)
 {
-    bench_run(500);
-    const uint32_t before_ms = bench_status().uptime_ms;
-    const uint32_t feeds = bench.board.watchdog_feeds;
-    bench.board.erase_ticks = 480;
+    fixture_run(500);
+    const uint32_t before_ms = fixture_status().uptime_ms;
+    const uint32_t feeds = fixture.board.watchdog_feeds;
+    fixture.board.erase_ticks = 480;
     TEST_ASSERT_EQUAL_UINT16(480, save().stall_ms);
-    TEST_ASSERT_TRUE(bench.board.watchdog_feeds >= feeds + 2);
-    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
-    /* Pushed by hand meanwhile: all its counts arrive in one tick, and are no speed. */
-    bench.motors_turn = false;
-    bench.board.sample.counts[0] += 600;
-    bench.board.sample.counts[1] += 600;
+    TEST_ASSERT_TRUE(fixture.board.watchdog_feeds >= feeds + 2);
+    TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[0]);
+    /* Pushed by hand meanwhile: all its counts arrive in one tick and give no speed. */
+    fixture.motors_turn = false;
+    fixture.board.sample.counts[0] += 600;
+    fixture.board.sample.counts[1] += 600;
     for (int i = 0; i < 50; i++) {
-        bench_run(1);
-        TEST_ASSERT_EQUAL_HEX32(0, bench_status().faults_active);
-        TEST_ASSERT_EQUAL_INT16(0, bench_status().speed_mmps[0]);
+        fixture_run(1);
+        TEST_ASSERT_EQUAL_HEX32(0, fixture_status().faults_active);
+        TEST_ASSERT_EQUAL_INT16(0, fixture_status().speed_mmps[0]);
     }
-    TEST_ASSERT_EQUAL_INT32(600, bench_status().counts[0]);
-    TEST_ASSERT_INT32_WITHIN(2, 100, bench_status().x_mm);
-    TEST_ASSERT_EQUAL_UINT32(before_ms + 480 + 50, bench_status().uptime_ms);
+    TEST_ASSERT_EQUAL_INT32(600, fixture_status().counts[0]);
+    TEST_ASSERT_INT32_WITHIN(2, 100, fixture_status().x_mm);
+    TEST_ASSERT_EQUAL_UINT32(before_ms + 480 + 50, fixture_status().uptime_ms);
 }
 
 /* ---- other images ---- */
@@ -316,14 +319,14 @@ static void set_all(uint32_t generation)
             value = info->kind == PROTO_PARAMETER_KIND_FLAG ? (float)(generation & 1u)
                                                             : (float)(int)(value + 1.0f);
         }
-        bench_set_parameter(i, value);
-        bench_expect_accepted();
+        fixture_set_parameter(i, value);
+        fixture_expect_accepted();
     }
 }
 
 static struct parameters values_now(void)
 {
-    return bench.controller.robot.parameters;
+    return fixture.controller.robot.parameters;
 }
 
 static bool same(const struct parameters *left, const struct parameters *right)
@@ -339,23 +342,23 @@ static void every_write_of_any_save_may_be_the_last_and_the_set_is_the_old_or_th
     uint32_t old_sets = 0;
     uint32_t new_sets = 0;
     for (uint32_t saves = 0; saves < SAVES; saves++) {
-        memcpy(before, bench.board.store, sizeof before);
+        memcpy(before, fixture.board.store, sizeof before);
         const struct parameters old = values_now();
         set_all(saves + 1);
         const struct parameters wanted = values_now();
-        const uint32_t first = bench.board.store_operations;
+        const uint32_t first = fixture.board.store_operations;
         (void)save();
-        const uint32_t operations = bench.board.store_operations - first;
+        const uint32_t operations = fixture.board.store_operations - first;
         TEST_ASSERT_EQUAL_UINT32(SAVE_OPERATIONS, operations);
         for (uint32_t cut = 0; cut < operations; cut++) {
             for (uint32_t tear = 0; tear < TEARS; tear++) {
-                memcpy(bench.board.store, before, sizeof before);
+                memcpy(fixture.board.store, before, sizeof before);
                 power_cycle();
                 const struct parameters at_start = values_now();
                 TEST_ASSERT_TRUE(same(&old, &at_start));
                 set_all(saves + 1);
-                bench.board.store_operations = 0;
-                bench.board.store_cut_at = cut;
+                fixture.board.store_operations = 0;
+                fixture.board.store_cut_at = cut;
                 ask_save();
                 power_cycle();
                 const struct parameters found = values_now();
@@ -364,8 +367,7 @@ static void every_write_of_any_save_may_be_the_last_and_the_set_is_the_old_or_th
                 cuts++;
                 old_sets += !is_new;
                 new_sets += is_new;
-                /* With an older set to fall back on, a cut is no damage; and the next save is as good as any.
-                 */
+                /* With a good older set a power cut is not damage, and the next save succeeds. */
                 TEST_ASSERT_TRUE(saves == 0 || !damage_is_reported());
                 set_all(saves + 7);
                 const struct parameters next = values_now();
@@ -376,7 +378,7 @@ static void every_write_of_any_save_may_be_the_last_and_the_set_is_the_old_or_th
                 TEST_ASSERT_FALSE(damage_is_reported());
             }
         }
-        memcpy(bench.board.store, before, sizeof before);
+        memcpy(fixture.board.store, before, sizeof before);
         power_cycle();
         set_all(saves + 1);
         (void)save();
@@ -388,22 +390,22 @@ static void every_write_of_any_save_may_be_the_last_and_the_set_is_the_old_or_th
 
 static void a_first_save_that_was_cut_off_keeps_the_robot_from_moving_until_it_is_made_good(void)
 {
-    bench_set_parameter(LIMIT, 0.3f);
-    bench.board.store_cut_at = 10;
+    fixture_set_parameter(LIMIT, 0.3f);
+    fixture.board.store_cut_at = 10;
     ask_save();
     power_cycle();
     TEST_ASSERT_EQUAL_FLOAT(1.0f, in_force(LIMIT));
     TEST_ASSERT_TRUE(damage_is_reported());
-    bench_run(200);
-    bench_set_effort(0.1f, 0.1f);
-    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_PARAMETER_STORE_DAMAGED);
-    bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
-    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_PARAMETER_STORE_DAMAGED);
-    bench_set_parameter(LIMIT, 0.3f);
+    fixture_run(200);
+    fixture_set_effort(0.1f, 0.1f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_PARAMETER_STORE_DAMAGED);
+    fixture_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_PARAMETER_STORE_DAMAGED);
+    fixture_set_parameter(LIMIT, 0.3f);
     (void)save();
-    bench_run(200);
-    bench_set_effort(0.1f, 0.1f);
-    bench_expect_accepted();
+    fixture_run(200);
+    fixture_set_effort(0.1f, 0.1f);
+    fixture_expect_accepted();
 }
 
 /* ---- bad cells ---- */
@@ -418,12 +420,12 @@ static void one_bad_bit_is_tolerated_or_reported_but_never_believed(void)
     const struct parameters wanted = values_now();
     (void)save();
     const uint32_t newest = store().newest;
-    memcpy(good, bench.board.store, sizeof good);
+    memcpy(good, fixture.board.store, sizeof good);
     const uint32_t used = RECORDS_AT + RECORD_SIZE * PROTO_PARAMETER_COUNT;
     uint32_t tolerated = 0;
     for (uint32_t bit = 0; bit < 8u * used; bit++) {
-        memcpy(bench.board.store, good, sizeof good);
-        bench.board.store[newest][bit / 8u] ^= (uint8_t)(1u << (bit % 8u));
+        memcpy(fixture.board.store, good, sizeof good);
+        fixture.board.store[newest][bit / 8u] ^= (uint8_t)(1u << (bit % 8u));
         power_cycle();
         const struct parameters found = values_now();
         if (same(&wanted, &found)) {
@@ -446,8 +448,8 @@ static void slots_full_of_noise_give_the_defaults_and_the_fault(void)
 {
     random_seed(5);
     for (int round = 0; round < 50; round++) {
-        for (size_t i = 0; i < sizeof bench.board.store; i++) {
-            bench.board.store[i / HAL_STORE_SLOT_SIZE][i % HAL_STORE_SLOT_SIZE] = (uint8_t)random_u32();
+        for (size_t i = 0; i < sizeof fixture.board.store; i++) {
+            fixture.board.store[i / HAL_STORE_SLOT_SIZE][i % HAL_STORE_SLOT_SIZE] = (uint8_t)random_u32();
         }
         power_cycle();
         TEST_ASSERT_EQUAL_FLOAT(0.283f, in_force(BASE));
@@ -463,7 +465,7 @@ static void slots_full_of_noise_give_the_defaults_and_the_fault(void)
 static void a_slot_that_claims_too_many_records_is_damaged_and_not_followed_out_of_bounds(void)
 {
     set_and_save(0.29f);
-    memset(&bench.board.store[0][COUNT_AT], 0xFF, 4);
+    memset(&fixture.board.store[0][COUNT_AT], 0xFF, 4);
     power_cycle();
     TEST_ASSERT_EQUAL_FLOAT(0.283f, in_force(BASE));
     TEST_ASSERT_EQUAL_UINT8(PROTO_SLOT_STATE_DAMAGED, store().slot_states[0]);
@@ -473,10 +475,10 @@ static void memory_that_takes_nothing_more_refuses_the_save_and_keeps_the_set(vo
 {
     set_and_save(0.29f);
     for (uint32_t from = 0; from < SAVE_OPERATIONS; from++) {
-        bench_set_parameter(BASE, 0.3f);
-        bench.board.store_refuse_at = bench.board.store_operations + from;
+        fixture_set_parameter(BASE, 0.3f);
+        fixture.board.store_refuse_at = fixture.board.store_operations + from;
         ask_save();
-        bench_expect_refused(PROTO_REFUSAL_REASON_STORE_FAILED, 1);
+        fixture_expect_refused(PROTO_REFUSAL_REASON_STORE_FAILED, 1);
         TEST_ASSERT_EQUAL_FLOAT(0.3f, in_force(BASE)); /* still in force, only not stored */
         TEST_ASSERT_EQUAL_UINT32(1, store().sequence);
         power_cycle();
@@ -487,16 +489,16 @@ static void memory_that_takes_nothing_more_refuses_the_save_and_keeps_the_set(vo
 
 static void a_repeated_save_is_answered_and_not_done_again(void)
 {
-    bench_set_parameter(BASE, 0.29f);
+    fixture_set_parameter(BASE, 0.29f);
     ask_save();
-    const struct frame first = bench.reply;
-    const uint32_t operations = bench.board.store_operations;
-    bench_say(PROTO_ID_PARAM_SAVE, bench.sequence, NULL, 0);
-    controller_poll(&bench.controller);
-    TEST_ASSERT_TRUE(bench_hear());
-    TEST_ASSERT_EQUAL_UINT8(first.id, bench.reply.id);
-    TEST_ASSERT_EQUAL_MEMORY(first.payload, bench.reply.payload, first.payload_length);
-    TEST_ASSERT_EQUAL_UINT32(operations, bench.board.store_operations);
+    const struct frame first = fixture.reply;
+    const uint32_t operations = fixture.board.store_operations;
+    fixture_say(PROTO_ID_PARAM_SAVE, fixture.sequence, NULL, 0);
+    controller_poll(&fixture.controller);
+    TEST_ASSERT_TRUE(fixture_hear());
+    TEST_ASSERT_EQUAL_UINT8(first.id, fixture.reply.id);
+    TEST_ASSERT_EQUAL_MEMORY(first.payload, fixture.reply.payload, first.payload_length);
+    TEST_ASSERT_EQUAL_UINT32(operations, fixture.board.store_operations);
 }
 
 int main(void)

@@ -1,11 +1,11 @@
 /* Every request is answered once, every bad one is refused by name, and a refused one moves nothing. */
-#include "bench.h"
+#include "fixture.h"
 
 #include "random.h"
 
 void setUp(void)
 {
-    bench_power_up();
+    fixture_power_up();
 }
 
 void tearDown(void)
@@ -21,22 +21,22 @@ static void ask_words(uint8_t id, const uint16_t *words, size_t count)
         payload[2 * i] = (uint8_t)(words[i] & 0xFFu);
         payload[2 * i + 1] = (uint8_t)(words[i] >> 8);
     }
-    bench_ask(id, payload, 2 * count);
+    fixture_ask(id, payload, 2 * count);
 }
 
 static void ask_log_read(uint32_t offset, uint16_t length)
 {
     const struct proto_log_read_request request = {.offset = offset, .length = length};
     uint8_t payload[PROTO_LOG_READ_REQUEST_SIZE];
-    bench_ask(PROTO_ID_LOG_READ, payload, proto_log_read_request_encode(&request, payload, sizeof payload));
+    fixture_ask(PROTO_ID_LOG_READ, payload, proto_log_read_request_encode(&request, payload, sizeof payload));
 }
 
 static void ask_log_digest(uint32_t offset, uint32_t length)
 {
     const struct proto_log_digest_request request = {.offset = offset, .length = length};
     uint8_t payload[PROTO_LOG_DIGEST_REQUEST_SIZE];
-    bench_ask(PROTO_ID_LOG_DIGEST, payload,
-              proto_log_digest_request_encode(&request, payload, sizeof payload));
+    fixture_ask(PROTO_ID_LOG_DIGEST, payload,
+                proto_log_digest_request_encode(&request, payload, sizeof payload));
 }
 
 static void hello_tells_who_is_there_and_what_it_holds(void)
@@ -44,12 +44,12 @@ static void hello_tells_who_is_there_and_what_it_holds(void)
     struct proto_hello_reply hello;
     const uint8_t payload[PROTO_HELLO_REQUEST_SIZE] = {1, 0, 0,
                                                        0, 0, 0}; /* another schema: answered all the same */
-    memset(bench.board.identity.board_id, 0x5A, 12);
-    bench.board.identity.boot_id = 99;
-    controller_init(&bench.controller);
-    bench_ask(PROTO_ID_HELLO, payload, sizeof payload);
-    TEST_ASSERT_EQUAL_HEX8(PROTO_ID_HELLO | PROTO_REPLY_BIT, bench.reply.id);
-    TEST_ASSERT_TRUE(proto_hello_reply_decode(&hello, bench.reply.payload, bench.reply.payload_length));
+    memset(fixture.board.identity.board_id, 0x5A, 12);
+    fixture.board.identity.boot_id = 99;
+    controller_init(&fixture.controller);
+    fixture_ask(PROTO_ID_HELLO, payload, sizeof payload);
+    TEST_ASSERT_EQUAL_HEX8(PROTO_ID_HELLO | PROTO_REPLY_BIT, fixture.reply.id);
+    TEST_ASSERT_TRUE(proto_hello_reply_decode(&hello, fixture.reply.payload, fixture.reply.payload_length));
     TEST_ASSERT_EQUAL_UINT16(PROTO_VERSION, hello.protocol_version);
     TEST_ASSERT_EQUAL_HEX32(PROTO_SCHEMA_HASH, hello.schema_hash);
     TEST_ASSERT_EACH_EQUAL_HEX8(0x5A, hello.board_id, 12);
@@ -64,23 +64,23 @@ static void hello_tells_who_is_there_and_what_it_holds(void)
 static void hello_of_a_later_version_may_be_longer(void)
 {
     const uint8_t payload[20] = {9, 0};
-    bench_ask(PROTO_ID_HELLO, payload, sizeof payload);
-    TEST_ASSERT_EQUAL_HEX8(PROTO_ID_HELLO | PROTO_REPLY_BIT, bench.reply.id);
-    bench_ask(PROTO_ID_HELLO, payload, 5);
-    bench_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, 5);
+    fixture_ask(PROTO_ID_HELLO, payload, sizeof payload);
+    TEST_ASSERT_EQUAL_HEX8(PROTO_ID_HELLO | PROTO_REPLY_BIT, fixture.reply.id);
+    fixture_ask(PROTO_ID_HELLO, payload, 5);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, 5);
 }
 
-/* What a board with this identity says of itself. */
-static struct proto_hello_reply hello_of(uint8_t reset_flags, bool clock_fallback, uint32_t core_hz)
+/* The hello reply of a board with this identity. */
+static struct proto_hello_reply hello_of(uint8_t reset_flags, bool clock_fallback, uint32_t cpu_hz)
 {
     struct proto_hello_reply hello;
     const uint8_t payload[PROTO_HELLO_REQUEST_SIZE] = {0};
-    bench.board.identity.reset_cause = reset_flags;
-    bench.board.identity.clock_fallback = clock_fallback;
-    bench.board.identity.core_hz = core_hz;
-    controller_init(&bench.controller);
-    bench_ask(PROTO_ID_HELLO, payload, sizeof payload);
-    TEST_ASSERT_TRUE(proto_hello_reply_decode(&hello, bench.reply.payload, bench.reply.payload_length));
+    fixture.board.identity.reset_cause = reset_flags;
+    fixture.board.identity.clock_fallback = clock_fallback;
+    fixture.board.identity.cpu_hz = cpu_hz;
+    controller_init(&fixture.controller);
+    fixture_ask(PROTO_ID_HELLO, payload, sizeof payload);
+    TEST_ASSERT_TRUE(proto_hello_reply_decode(&hello, fixture.reply.payload, fixture.reply.payload_length));
     return hello;
 }
 
@@ -113,19 +113,19 @@ static void parameters_are_listed_read_and_changed(void)
         struct proto_param_list_reply listed;
         ask_words(PROTO_ID_PARAM_LIST, &i, 1);
         TEST_ASSERT_TRUE(
-            proto_param_list_reply_decode(&listed, bench.reply.payload, bench.reply.payload_length));
+            proto_param_list_reply_decode(&listed, fixture.reply.payload, fixture.reply.payload_length));
         TEST_ASSERT_EQUAL_STRING(proto_parameters[i].name, listed.name);
         TEST_ASSERT_EQUAL_STRING(proto_parameters[i].unit, listed.unit);
         TEST_ASSERT_EQUAL_FLOAT(proto_parameters[i].default_value, listed.value);
         /* Both ends of the range are inside it. */
-        bench_set_parameter(i, listed.minimum);
-        bench_expect_accepted();
-        bench_set_parameter(i, listed.maximum);
-        bench_expect_accepted();
+        fixture_set_parameter(i, listed.minimum);
+        fixture_expect_accepted();
+        fixture_set_parameter(i, listed.maximum);
+        fixture_expect_accepted();
         struct proto_param_get_reply read;
         ask_words(PROTO_ID_PARAM_GET, &i, 1);
         TEST_ASSERT_TRUE(
-            proto_param_get_reply_decode(&read, bench.reply.payload, bench.reply.payload_length));
+            proto_param_get_reply_decode(&read, fixture.reply.payload, fixture.reply.payload_length));
         TEST_ASSERT_EQUAL_UINT16(i, read.index);
         TEST_ASSERT_EQUAL_FLOAT(listed.maximum, read.value);
     }
@@ -135,55 +135,55 @@ static void bad_parameter_values_are_refused_and_the_old_ones_stay(void)
 {
     const float bad[] = {0.0f, 10.0f, -1.0f};
     for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
-        bench_set_parameter(PROTO_PARAMETER_WHEEL_RADIUS_M, bad[i]);
-        bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+        fixture_set_parameter(PROTO_PARAMETER_WHEEL_RADIUS_M, bad[i]);
+        fixture_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
     }
-    bench_set_parameter(PROTO_PARAMETER_WHEEL_RADIUS_M, NAN);
-    bench_expect_refused(PROTO_REFUSAL_REASON_NOT_FINITE, 1);
-    bench_set_parameter(PROTO_PARAMETER_WHEEL_RADIUS_M, INFINITY);
-    bench_expect_refused(PROTO_REFUSAL_REASON_NOT_FINITE, 1);
-    bench_set_parameter(PROTO_PARAMETER_LOG_RATE_HZ, 20.5f);
-    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
-    bench_set_parameter(PROTO_PARAMETER_MOTOR_LEFT_REVERSED, 0.5f);
-    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+    fixture_set_parameter(PROTO_PARAMETER_WHEEL_RADIUS_M, NAN);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_NOT_FINITE, 1);
+    fixture_set_parameter(PROTO_PARAMETER_WHEEL_RADIUS_M, INFINITY);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_NOT_FINITE, 1);
+    fixture_set_parameter(PROTO_PARAMETER_LOG_RATE_HZ, 20.5f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+    fixture_set_parameter(PROTO_PARAMETER_MOTOR_LEFT_REVERSED, 0.5f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
     TEST_ASSERT_EQUAL_FLOAT(0.0635f,
-                            bench.controller.robot.parameters.values[PROTO_PARAMETER_WHEEL_RADIUS_M]);
+                            fixture.controller.robot.parameters.values[PROTO_PARAMETER_WHEEL_RADIUS_M]);
 }
 
 static void parameters_do_not_change_while_the_robot_moves(void)
 {
-    bench_set_effort(0.1f, 0.1f);
-    bench_set_parameter(PROTO_PARAMETER_EFFORT_LIMIT, 0.5f);
-    bench_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_LIVE);
-    bench_stop();
-    bench_run(2000);
-    bench_start(bench_upload(&short_drive, 1, 0));
-    bench_set_parameter(PROTO_PARAMETER_EFFORT_LIMIT, 0.5f);
-    bench_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_SEQUENCE);
+    fixture_set_effort(0.1f, 0.1f);
+    fixture_set_parameter(PROTO_PARAMETER_EFFORT_LIMIT, 0.5f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_LIVE);
+    fixture_stop();
+    fixture_run(2000);
+    fixture_start(fixture_upload(&short_drive, 1, 0));
+    fixture_set_parameter(PROTO_PARAMETER_EFFORT_LIMIT, 0.5f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_SEQUENCE);
 }
 
 static uint64_t time_us(void)
 {
     static const uint8_t padding[PROTO_TIME_REQUEST_SIZE] = {1, 2, 3};
     struct proto_time_reply reply;
-    bench_ask(PROTO_ID_TIME, padding, sizeof padding);
-    TEST_ASSERT_TRUE(proto_time_reply_decode(&reply, bench.reply.payload, bench.reply.payload_length));
+    fixture_ask(PROTO_ID_TIME, padding, sizeof padding);
+    TEST_ASSERT_TRUE(proto_time_reply_decode(&reply, fixture.reply.payload, fixture.reply.payload_length));
     TEST_ASSERT_LESS_THAN_UINT16(1000, reply.after_us);
     return (uint64_t)reply.uptime_ms * 1000u + reply.after_us;
 }
 
 static void device_time_is_told_to_the_microsecond_and_never_runs_ahead_of_its_ticks(void)
 {
-    bench_run(7);
+    fixture_run(7);
     TEST_ASSERT_EQUAL_UINT64(7000, time_us());
-    bench.board.after_tick_us = 345;
+    fixture.board.after_tick_us = 345;
     TEST_ASSERT_EQUAL_UINT64(7345, time_us());
-    bench.board.after_tick_us = 999;
+    fixture.board.after_tick_us = 999;
     TEST_ASSERT_EQUAL_UINT64(7999, time_us());
-    bench.board.after_tick_us = 250000; /* as after a save, before the next tick */
+    fixture.board.after_tick_us = 250000; /* as after a save, before the next tick */
     TEST_ASSERT_EQUAL_UINT64(7999, time_us());
-    bench.board.after_tick_us = 0;
-    bench_run(1);
+    fixture.board.after_tick_us = 0;
+    fixture_run(1);
     TEST_ASSERT_EQUAL_UINT64(8000, time_us());
 }
 
@@ -191,11 +191,11 @@ static void unknown_requests_are_refused_by_their_id(void)
 {
     uint32_t known = 0;
     for (unsigned id = 0; id < 0x80; id++) {
-        bench_ask((uint8_t)id, NULL, 0);
-        if (bench.reply.id == PROTO_ID_REFUSAL &&
-            bench_refusal().reason == PROTO_REFUSAL_REASON_UNKNOWN_REQUEST) {
-            TEST_ASSERT_EQUAL_UINT8(id, bench_refusal().request_id);
-            TEST_ASSERT_EQUAL_UINT32(id, bench_refusal().detail);
+        fixture_ask((uint8_t)id, NULL, 0);
+        if (fixture.reply.id == PROTO_ID_REFUSAL &&
+            fixture_refusal().reason == PROTO_REFUSAL_REASON_UNKNOWN_REQUEST) {
+            TEST_ASSERT_EQUAL_UINT8(id, fixture_refusal().request_id);
+            TEST_ASSERT_EQUAL_UINT32(id, fixture_refusal().detail);
         } else {
             known++;
         }
@@ -218,78 +218,78 @@ static void every_request_of_a_wrong_length_is_refused(void)
     };
     static const uint8_t zeros[PROTO_MAX_PAYLOAD];
     for (size_t i = 0; i < sizeof right / sizeof right[0]; i++) {
-        bench_ask(right[i].id, zeros, right[i].length + 1);
-        bench_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, (uint32_t)right[i].length + 1);
-        bench_ask(right[i].id, zeros, PROTO_MAX_PAYLOAD);
-        bench_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, PROTO_MAX_PAYLOAD);
+        fixture_ask(right[i].id, zeros, right[i].length + 1);
+        fixture_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, (uint32_t)right[i].length + 1);
+        fixture_ask(right[i].id, zeros, PROTO_MAX_PAYLOAD);
+        fixture_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, PROTO_MAX_PAYLOAD);
         if (right[i].length > 0) {
-            bench_ask(right[i].id, zeros, right[i].length - 1);
-            bench_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, (uint32_t)right[i].length - 1);
+            fixture_ask(right[i].id, zeros, right[i].length - 1);
+            fixture_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, (uint32_t)right[i].length - 1);
         }
     }
-    bench_begin_upload(3, 0);
+    fixture_begin_upload(3, 0);
     const size_t bad_segments[] = {0, 1, 2, 3, 14, 16, 100};
     for (size_t i = 0; i < sizeof bad_segments / sizeof bad_segments[0]; i++) {
-        bench_ask(PROTO_ID_SEQ_SEGMENTS, zeros, bad_segments[i]);
-        bench_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, (uint32_t)bad_segments[i]);
+        fixture_ask(PROTO_ID_SEQ_SEGMENTS, zeros, bad_segments[i]);
+        fixture_expect_refused(PROTO_REFUSAL_REASON_BAD_LENGTH, (uint32_t)bad_segments[i]);
     }
-    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, bench_status().state);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, fixture_status().state);
 }
 
 static void unknown_parameters_are_refused_by_their_index(void)
 {
     const uint16_t index = PROTO_PARAMETER_COUNT;
     ask_words(PROTO_ID_PARAM_LIST, &index, 1);
-    bench_expect_refused(PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER, index);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER, index);
     ask_words(PROTO_ID_PARAM_GET, &index, 1);
-    bench_expect_refused(PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER, index);
-    bench_set_parameter(0xFFFF, 1.0f);
-    bench_expect_refused(PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER, 0xFFFF);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER, index);
+    fixture_set_parameter(0xFFFF, 1.0f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_UNKNOWN_PARAMETER, 0xFFFF);
 }
 
 /* Fills the ring until its first blocks are gone. */
 static void wrap_ring(void)
 {
     const struct proto_segment minutes = {PROTO_SEGMENT_KIND_EFFORT, 600000, 0.0f, 0.0f};
-    bench_start(bench_upload(&minutes, 1, 200));
-    while (log_oldest_offset(&bench.controller.robot.log) == 0) {
-        bench.board.sample.battery_mv = (uint16_t)(11000 + random_below(2000));
-        bench_run(1);
+    fixture_start(fixture_upload(&minutes, 1, 200));
+    while (log_oldest_offset(&fixture.controller.robot.log) == 0) {
+        fixture.board.sample.battery_mv = (uint16_t)(11000 + random_below(2000));
+        fixture_run(1);
     }
 }
 
 static void reading_outside_the_log_is_refused_by_name(void)
 {
     ask_log_read(0, 512);
-    bench_expect_refused(PROTO_REFUSAL_REASON_LOG_BEYOND_END, 0);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_LOG_BEYOND_END, 0);
     wrap_ring();
-    const uint32_t oldest = bench_list_logs(0).oldest_offset;
-    const uint32_t end = bench_list_logs(0).end_offset;
+    const uint32_t oldest = fixture_list_logs(0).oldest_offset;
+    const uint32_t end = fixture_list_logs(0).end_offset;
     TEST_ASSERT_TRUE(oldest > 0 && end > oldest);
     ask_log_read(oldest - 1, 100);
-    bench_expect_refused(PROTO_REFUSAL_REASON_LOG_GONE, oldest);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_LOG_GONE, oldest);
     ask_log_read(end, 1);
-    bench_expect_refused(PROTO_REFUSAL_REASON_LOG_BEYOND_END, end);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_LOG_BEYOND_END, end);
     ask_log_read(0x7FFFFFFF, 1);
-    bench_expect_refused(PROTO_REFUSAL_REASON_LOG_BEYOND_END, end);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_LOG_BEYOND_END, end);
     ask_log_read(oldest, 0);
-    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
     ask_log_read(oldest, 1021);
-    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
     ask_log_read(oldest, 1020);
-    bench_expect_accepted();
-    TEST_ASSERT_EQUAL(1024, bench.reply.payload_length);
+    fixture_expect_accepted();
+    TEST_ASSERT_EQUAL(1024, fixture.reply.payload_length);
     ask_log_read(end - 3, 1020); /* what there is */
-    bench_expect_accepted();
-    TEST_ASSERT_EQUAL(4 + 3, bench.reply.payload_length);
+    fixture_expect_accepted();
+    TEST_ASSERT_EQUAL(4 + 3, fixture.reply.payload_length);
     ask_log_digest(oldest - 1, 10);
-    bench_expect_refused(PROTO_REFUSAL_REASON_LOG_GONE, oldest);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_LOG_GONE, oldest);
     ask_log_digest(oldest, end - oldest + 1);
-    bench_expect_refused(PROTO_REFUSAL_REASON_LOG_BEYOND_END, end);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_LOG_BEYOND_END, end);
     ask_log_digest(oldest, 0);
-    bench_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
-    bench_ask(PROTO_ID_LOG_ERASE, NULL, 0);
-    bench_expect_refused(PROTO_REFUSAL_REASON_LOG_BUSY, 0);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+    fixture_ask(PROTO_ID_LOG_ERASE, NULL, 0);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_LOG_BUSY, 0);
 }
 
 static void digest_is_the_crc_of_the_bytes_that_are_read(void)
@@ -297,22 +297,23 @@ static void digest_is_the_crc_of_the_bytes_that_are_read(void)
     static uint8_t bytes[HAL_LOG_MEMORIES * HAL_HOST_LOG_SIZE];
     struct proto_log_digest_reply digest;
     wrap_ring();
-    bench_stop();
-    bench_run(1);
-    const struct proto_log_list_reply list = bench_list_logs(0);
+    fixture_stop();
+    fixture_run(1);
+    const struct proto_log_list_reply list = fixture_list_logs(0);
     const uint32_t oldest = list.oldest_offset;
     const uint32_t size = list.end_offset - oldest;
-    bench_read_log(oldest, bytes, size);
+    fixture_read_log(oldest, bytes, size);
     ask_log_digest(oldest, size);
-    TEST_ASSERT_TRUE(proto_log_digest_reply_decode(&digest, bench.reply.payload, bench.reply.payload_length));
+    TEST_ASSERT_TRUE(
+        proto_log_digest_reply_decode(&digest, fixture.reply.payload, fixture.reply.payload_length));
     TEST_ASSERT_EQUAL_HEX32(crc32_update(0, bytes, size), digest.crc32);
     /* The bytes on the link are those in memory. */
-    const uint32_t first_cells = (uint32_t)bench.board.log_memory_size[0] / PROTO_LOG_CELL_SIZE;
+    const uint32_t first_cells = (uint32_t)fixture.board.log_memory_size[0] / PROTO_LOG_CELL_SIZE;
     for (uint32_t i = 0; i < size; i += PROTO_LOG_CELL_SIZE) {
-        const uint32_t cell = (oldest + i) / PROTO_LOG_CELL_SIZE % bench.controller.robot.log.cells;
+        const uint32_t cell = (oldest + i) / PROTO_LOG_CELL_SIZE % fixture.controller.robot.log.cells;
         const uint8_t *const held =
-            cell < first_cells ? bench.board.log_memory[0] + cell * PROTO_LOG_CELL_SIZE
-                               : bench.board.log_memory[1] + (cell - first_cells) * PROTO_LOG_CELL_SIZE;
+            cell < first_cells ? fixture.board.log_memory[0] + cell * PROTO_LOG_CELL_SIZE
+                               : fixture.board.log_memory[1] + (cell - first_cells) * PROTO_LOG_CELL_SIZE;
         TEST_ASSERT_EQUAL_INT(0, memcmp(bytes + i, held, PROTO_LOG_CELL_SIZE));
     }
 }
@@ -320,16 +321,16 @@ static void digest_is_the_crc_of_the_bytes_that_are_read(void)
 static void log_list_comes_in_parts(void)
 {
     enum { LOGS = 300 }; /* more than a byte counts */
-    const uint32_t crc = bench_upload(&short_drive, 1, 0);
-    bench_set_parameter(PROTO_PARAMETER_EFFORT_LIMIT, 0.5f);
-    bench.motors_turn = false;
+    const uint32_t crc = fixture_upload(&short_drive, 1, 0);
+    fixture_set_parameter(PROTO_PARAMETER_EFFORT_LIMIT, 0.5f);
+    fixture.motors_turn = false;
     for (int i = 0; i < LOGS; i++) {
-        bench_start(crc);
-        bench_run(102);
+        fixture_start(crc);
+        fixture_run(102);
     }
     uint16_t expected_id = 1;
     for (uint16_t first = 0; first < LOGS;) {
-        const struct proto_log_list_reply list = bench_list_logs(first);
+        const struct proto_log_list_reply list = fixture_list_logs(first);
         TEST_ASSERT_EQUAL_UINT16(LOGS, list.total);
         TEST_ASSERT_TRUE(list.entries_count > 0);
         for (size_t i = 0; i < list.entries_count; i++) {
@@ -342,23 +343,23 @@ static void log_list_comes_in_parts(void)
         }
         first = (uint16_t)(first + list.entries_count);
     }
-    TEST_ASSERT_EQUAL(0, bench_list_logs(LOGS).entries_count);
-    TEST_ASSERT_EQUAL(0, bench_list_logs(UINT16_MAX).entries_count);
-    bench_ask(PROTO_ID_LOG_ERASE, NULL, 0);
-    bench_expect_accepted();
-    TEST_ASSERT_EQUAL_UINT16(0, bench_list_logs(0).total);
+    TEST_ASSERT_EQUAL(0, fixture_list_logs(LOGS).entries_count);
+    TEST_ASSERT_EQUAL(0, fixture_list_logs(UINT16_MAX).entries_count);
+    fixture_ask(PROTO_ID_LOG_ERASE, NULL, 0);
+    fixture_expect_accepted();
+    TEST_ASSERT_EQUAL_UINT16(0, fixture_list_logs(0).total);
 }
 
 static void live_drive_has_a_log_of_its_own(void)
 {
-    bench_set_effort(0.2f, 0.2f);
+    fixture_set_effort(0.2f, 0.2f);
     for (int i = 0; i < 10; i++) {
-        bench_run(100);
-        bench_set_effort(0.2f, 0.2f);
+        fixture_run(100);
+        fixture_set_effort(0.2f, 0.2f);
     }
-    bench_stop();
-    bench_run(1);
-    const struct proto_log_entry entry = bench_newest_log();
+    fixture_stop();
+    fixture_run(1);
+    const struct proto_log_entry entry = fixture_newest_log();
     TEST_ASSERT_EQUAL_UINT8(PROTO_LOG_END_STOPPED, entry.end);
     TEST_ASSERT_EQUAL_HEX32(0, entry.sequence_crc);
     TEST_ASSERT_EQUAL_UINT32(21, entry.record_count);
@@ -367,58 +368,58 @@ static void live_drive_has_a_log_of_its_own(void)
 /* Sends the same frame again and returns the reply's payload length. */
 static void repeat(uint8_t id, const void *payload, size_t length)
 {
-    bench_say(id, bench.sequence, payload, length);
-    controller_poll(&bench.controller);
-    TEST_ASSERT_TRUE(bench_hear());
-    TEST_ASSERT_EQUAL_UINT16(bench.sequence, bench.reply.sequence);
+    fixture_say(id, fixture.sequence, payload, length);
+    controller_poll(&fixture.controller);
+    TEST_ASSERT_TRUE(fixture_hear());
+    TEST_ASSERT_EQUAL_UINT16(fixture.sequence, fixture.reply.sequence);
 }
 
 static void repeated_start_is_not_carried_out_twice(void)
 {
-    const uint32_t crc = bench_upload(&short_drive, 1, 0);
-    const uint16_t id = bench_start(crc);
+    const uint32_t crc = fixture_upload(&short_drive, 1, 0);
+    const uint16_t id = fixture_start(crc);
     const uint8_t payload[4] = {(uint8_t)crc, (uint8_t)(crc >> 8), (uint8_t)(crc >> 16),
                                 (uint8_t)(crc >> 24)};
-    bench_run(5);
+    fixture_run(5);
     repeat(PROTO_ID_SEQ_START, payload, 4); /* while it runs */
-    TEST_ASSERT_EQUAL_HEX8(PROTO_ID_SEQ_START | PROTO_REPLY_BIT, bench.reply.id);
-    TEST_ASSERT_EQUAL_UINT16(id, bench.reply.payload[0] | bench.reply.payload[1] << 8);
-    bench_run(200);
-    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
+    TEST_ASSERT_EQUAL_HEX8(PROTO_ID_SEQ_START | PROTO_REPLY_BIT, fixture.reply.id);
+    TEST_ASSERT_EQUAL_UINT16(id, fixture.reply.payload[0] | fixture.reply.payload[1] << 8);
+    fixture_run(200);
+    TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[0]);
     repeat(PROTO_ID_SEQ_START, payload, 4); /* long after: the reply again, and no motion */
-    bench_run(5);
-    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
-    TEST_ASSERT_EQUAL_UINT16(1, bench_list_logs(0).total);
+    fixture_run(5);
+    TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[0]);
+    TEST_ASSERT_EQUAL_UINT16(1, fixture_list_logs(0).total);
 }
 
 static void repeated_segments_are_stored_once(void)
 {
     uint8_t payload[2 + PROTO_SEGMENT_SIZE] = {0, 0};
-    (void)bench_pack(&short_drive, 1, payload + 2);
-    bench_begin_upload(2, 0);
-    bench_send_segments(0, &short_drive, 1);
-    bench_expect_accepted();
+    (void)fixture_pack(&short_drive, 1, payload + 2);
+    fixture_begin_upload(2, 0);
+    fixture_send_segments(0, &short_drive, 1);
+    fixture_expect_accepted();
     repeat(PROTO_ID_SEQ_SEGMENTS, payload, sizeof payload);
-    bench_expect_accepted(); /* not a gap: it is the same frame */
-    bench_send_segments(1, &short_drive, 1);
-    bench_expect_accepted();
+    fixture_expect_accepted(); /* not a gap: it is the same frame */
+    fixture_send_segments(1, &short_drive, 1);
+    fixture_expect_accepted();
 }
 
 static void repeated_refusal_is_the_same_refusal(void)
 {
-    bench.board.sample.battery_valid = false;
-    bench_run(1);
+    fixture.board.sample.battery_valid = false;
+    fixture_run(1);
     const struct proto_set_effort_request request = {.left = 0.1f, .right = 0.1f};
     uint8_t payload[PROTO_SET_EFFORT_REQUEST_SIZE];
     (void)proto_set_effort_request_encode(&request, payload, sizeof payload);
-    bench_ask(PROTO_ID_SET_EFFORT, payload, sizeof payload);
-    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
-    bench.board.sample.battery_valid = true;
-    bench_run(1);
+    fixture_ask(PROTO_ID_SET_EFFORT, payload, sizeof payload);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
+    fixture.board.sample.battery_valid = true;
+    fixture_run(1);
     repeat(PROTO_ID_SET_EFFORT, payload, sizeof payload);
-    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
-    bench_run(2);
-    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
+    fixture_run(2);
+    TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[0]);
 }
 
 static void repeated_live_command_does_not_keep_the_drive_alive(void)
@@ -426,54 +427,54 @@ static void repeated_live_command_does_not_keep_the_drive_alive(void)
     const struct proto_set_effort_request request = {.left = 0.1f, .right = 0.1f};
     uint8_t payload[PROTO_SET_EFFORT_REQUEST_SIZE];
     (void)proto_set_effort_request_encode(&request, payload, sizeof payload);
-    bench_ask(PROTO_ID_SET_EFFORT, payload, sizeof payload);
+    fixture_ask(PROTO_ID_SET_EFFORT, payload, sizeof payload);
     for (int i = 0; i < 10; i++) {
-        bench_run(50);
+        fixture_run(50);
         repeat(PROTO_ID_SET_EFFORT, payload, sizeof payload);
     }
-    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, bench_status().state);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, fixture_status().state);
 }
 
 static void repeated_stop_stops_again(void)
 {
-    bench_stop();
-    const uint16_t sequence = bench.sequence;
-    bench_set_effort(0.2f, 0.2f);
-    bench_run(1);
-    bench.sequence = sequence;
+    fixture_stop();
+    const uint16_t sequence = fixture.sequence;
+    fixture_set_effort(0.2f, 0.2f);
+    fixture_run(1);
+    fixture.sequence = sequence;
     repeat(PROTO_ID_STOP, NULL, 0);
-    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
-    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, bench_status().state);
+    TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[0]);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, fixture_status().state);
 }
 
 static void same_request_with_a_new_number_is_a_new_request(void)
 {
-    const uint32_t crc = bench_upload(&short_drive, 1, 0);
-    TEST_ASSERT_EQUAL_UINT16(1, bench_start(crc));
-    bench_run(3000);
-    TEST_ASSERT_EQUAL_UINT16(2, bench_start(crc));
+    const uint32_t crc = fixture_upload(&short_drive, 1, 0);
+    TEST_ASSERT_EQUAL_UINT16(1, fixture_start(crc));
+    fixture_run(3000);
+    TEST_ASSERT_EQUAL_UINT16(2, fixture_start(crc));
 }
 
 static void host_that_starts_anew_is_not_answered_from_the_past(void)
 {
     const uint8_t hello[PROTO_HELLO_REQUEST_SIZE] = {1};
-    const uint32_t crc = bench_upload(&short_drive, 1, 0);
-    const uint16_t before = bench.sequence;
-    TEST_ASSERT_EQUAL_UINT16(1, bench_start(crc));
-    bench_run(3000);
-    bench_ask(PROTO_ID_HELLO, hello, sizeof hello);
-    bench.sequence = before; /* the new host counts as the old one did: its start is the same frame */
-    TEST_ASSERT_EQUAL_UINT16(2, bench_start(crc));
-    bench_run(1);
-    TEST_ASSERT_EQUAL_INT16(3000, bench.board.effort_e4[0]);
+    const uint32_t crc = fixture_upload(&short_drive, 1, 0);
+    const uint16_t before = fixture.sequence;
+    TEST_ASSERT_EQUAL_UINT16(1, fixture_start(crc));
+    fixture_run(3000);
+    fixture_ask(PROTO_ID_HELLO, hello, sizeof hello);
+    fixture.sequence = before; /* the new host counts as the old one did: its start is the same frame */
+    TEST_ASSERT_EQUAL_UINT16(2, fixture_start(crc));
+    fixture_run(1);
+    TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
 }
 
 static void replies_of_another_board_are_no_requests(void)
 {
     for (unsigned id = 0x80; id <= 0xFF; id++) {
-        bench_say((uint8_t)id, 1, NULL, 0);
-        controller_poll(&bench.controller);
-        TEST_ASSERT_FALSE(bench_hear());
+        fixture_say((uint8_t)id, 1, NULL, 0);
+        controller_poll(&fixture.controller);
+        TEST_ASSERT_FALSE(fixture_hear());
     }
 }
 
@@ -482,87 +483,87 @@ static void say_log_read(uint16_t sequence, uint32_t offset)
     const struct proto_log_read_request request = {.offset = offset, .length = 1000};
     uint8_t payload[PROTO_LOG_READ_REQUEST_SIZE];
     (void)proto_log_read_request_encode(&request, payload, sizeof payload);
-    bench_say(PROTO_ID_LOG_READ, sequence, payload, sizeof payload);
+    fixture_say(PROTO_ID_LOG_READ, sequence, payload, sizeof payload);
 }
 
 static void replies_come_in_the_order_of_the_requests(void)
 {
     wrap_ring();
-    bench_stop();
-    bench_run(1);
-    const uint32_t oldest = bench_list_logs(0).oldest_offset;
+    fixture_stop();
+    fixture_run(1);
+    const uint32_t oldest = fixture_list_logs(0).oldest_offset;
     for (uint16_t i = 0; i < 3; i++) {
         say_log_read(i, oldest + 1000u * i);
     }
     uint16_t next = 0;
     for (int i = 0; i < 20000 && next < 60; i++) {
-        bench.board.line_room = 92; /* bytes in a millisecond at 921600 baud */
-        controller_poll(&bench.controller);
-        if (bench_hear()) {
-            TEST_ASSERT_EQUAL_UINT16(next, bench.reply.sequence);
-            TEST_ASSERT_EQUAL(1004, bench.reply.payload_length);
+        fixture.board.line_room = 92; /* bytes in a millisecond at 921600 baud */
+        controller_poll(&fixture.controller);
+        if (fixture_hear()) {
+            TEST_ASSERT_EQUAL_UINT16(next, fixture.reply.sequence);
+            TEST_ASSERT_EQUAL(1004, fixture.reply.payload_length);
             next++;
             say_log_read((uint16_t)(next + 2), oldest + 1000u * (next + 2u)); /* always three under way */
         }
     }
     TEST_ASSERT_EQUAL_UINT16(60, next);
-    bench.board.line_room = SIZE_MAX;
+    fixture.board.line_room = SIZE_MAX;
 }
 
 static void request_without_room_for_its_reply_changes_nothing_and_can_be_repeated(void)
 {
-    const uint32_t crc = bench_upload(&short_drive, 1, 0);
+    const uint32_t crc = fixture_upload(&short_drive, 1, 0);
     const uint8_t payload[4] = {(uint8_t)crc, (uint8_t)(crc >> 8), (uint8_t)(crc >> 16),
                                 (uint8_t)(crc >> 24)};
-    bench.board.line_room = 0;
+    fixture.board.line_room = 0;
     for (uint16_t i = 0; i < 200; i++) {
-        bench_say(PROTO_ID_STATUS, i, NULL, 0);
-        controller_poll(&bench.controller);
+        fixture_say(PROTO_ID_STATUS, i, NULL, 0);
+        controller_poll(&fixture.controller);
     }
-    bench_say(PROTO_ID_SEQ_START, 1000, payload, sizeof payload);
-    bench_run(5);
-    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
-    bench.board.line_room = SIZE_MAX;
-    controller_poll(&bench.controller);
-    TEST_ASSERT_TRUE(bench_hear());
-    TEST_ASSERT_TRUE(bench.reply.sequence < 200);
-    bench_say(PROTO_ID_SEQ_START, 1000, payload, sizeof payload);
-    bench_run(5);
-    TEST_ASSERT_EQUAL_INT16(3000, bench.board.effort_e4[0]);
+    fixture_say(PROTO_ID_SEQ_START, 1000, payload, sizeof payload);
+    fixture_run(5);
+    TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[0]);
+    fixture.board.line_room = SIZE_MAX;
+    controller_poll(&fixture.controller);
+    TEST_ASSERT_TRUE(fixture_hear());
+    TEST_ASSERT_TRUE(fixture.reply.sequence < 200);
+    fixture_say(PROTO_ID_SEQ_START, 1000, payload, sizeof payload);
+    fixture_run(5);
+    TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
 }
 
 static void stop_is_obeyed_and_answered_however_busy_the_line_is(void)
 {
-    bench_set_effort(0.3f, 0.3f);
-    bench_run(200);
-    bench.board.line_room = 0;
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_run(200);
+    fixture.board.line_room = 0;
     for (uint16_t i = 0; i < 300; i++) {
         const uint8_t first = 0;
-        bench_say(i % 2 == 0 ? PROTO_ID_LOG_LIST : PROTO_ID_STATUS, i, &first, i % 2 == 0 ? 1 : 0);
+        fixture_say(i % 2 == 0 ? PROTO_ID_LOG_LIST : PROTO_ID_STATUS, i, &first, i % 2 == 0 ? 1 : 0);
     }
-    bench_say(PROTO_ID_STOP, 1000, NULL, 0);
-    controller_poll(&bench.controller);
-    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
-    bench.board.line_room = SIZE_MAX;
-    controller_poll(&bench.controller);
-    TEST_ASSERT_TRUE(bench_hear());
-    TEST_ASSERT_EQUAL_UINT16(1000, bench.reply.sequence);
+    fixture_say(PROTO_ID_STOP, 1000, NULL, 0);
+    controller_poll(&fixture.controller);
+    TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[0]);
+    fixture.board.line_room = SIZE_MAX;
+    controller_poll(&fixture.controller);
+    TEST_ASSERT_TRUE(fixture_hear());
+    TEST_ASSERT_EQUAL_UINT16(1000, fixture.reply.sequence);
 }
 
 static void status_tells_what_the_robot_does(void)
 {
-    bench_set_velocity(0.3f, 0.4f);
-    bench_run(400);
-    bench_set_velocity(0.3f, 0.4f);
-    bench_run(400);
-    const struct proto_status_reply status = bench_status();
+    fixture_set_velocity(0.3f, 0.4f);
+    fixture_run(400);
+    fixture_set_velocity(0.3f, 0.4f);
+    fixture_run(400);
+    const struct proto_status_reply status = fixture_status();
     TEST_ASSERT_EQUAL_UINT32(800, status.uptime_ms);
     TEST_ASSERT_EQUAL_UINT8(PROTO_MODE_VELOCITY, status.mode);
     TEST_ASSERT_EQUAL_UINT8(1, status.log_open);
     TEST_ASSERT_EQUAL_UINT16(12000, status.battery_mv);
     TEST_ASSERT_INT_WITHIN(15, 300, status.speed_mmps[0]);
     TEST_ASSERT_INT_WITHIN(15, 400, status.speed_mmps[1]);
-    TEST_ASSERT_EQUAL_INT32(bench.board.sample.counts[1], status.counts[1]);
+    TEST_ASSERT_EQUAL_INT32(fixture.board.sample.counts[1], status.counts[1]);
     TEST_ASSERT_TRUE(status.x_mm > 200);
     TEST_ASSERT_TRUE(status.theta_e4 > 0);
 }
@@ -572,10 +573,10 @@ static void damaged_frames_are_counted_and_answered_by_nothing(void)
     uint8_t bytes[64];
     const size_t size = frame_encode(PROTO_ID_STATUS, 9, NULL, 0, bytes, sizeof bytes);
     bytes[2] ^= 0x10;
-    (void)hal_host_receive(&bench.board, bytes, size);
-    controller_poll(&bench.controller);
-    TEST_ASSERT_FALSE(bench_hear());
-    TEST_ASSERT_EQUAL_UINT32(1, bench_status().frames_dropped);
+    (void)hal_host_receive(&fixture.board, bytes, size);
+    controller_poll(&fixture.controller);
+    TEST_ASSERT_FALSE(fixture_hear());
+    TEST_ASSERT_EQUAL_UINT32(1, fixture_status().frames_dropped);
 }
 
 int main(void)

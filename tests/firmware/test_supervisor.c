@@ -1,9 +1,9 @@
-/* What stops the robot, what keeps it from moving, and what it takes to go on. */
-#include "bench.h"
+/* Conditions that stop the robot, that prevent motion, and that allow it again. */
+#include "fixture.h"
 
 void setUp(void)
 {
-    bench_power_up();
+    fixture_power_up();
 }
 
 void tearDown(void)
@@ -14,341 +14,342 @@ static const struct proto_segment two_seconds = {PROTO_SEGMENT_KIND_EFFORT, 2000
 
 static void assert_braked(void)
 {
-    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
-    TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[1]);
+    TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[0]);
+    TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[1]);
 }
 
-/* Live at 30 %, with a host that speaks every 100 ms. */
+/* Live at 30 %, with a command every 100 ms. */
 static void drive_live(uint32_t ms)
 {
     for (uint32_t i = 0; i < ms; i++) {
         if (i % 100 == 0) {
-            bench_set_effort(0.3f, 0.3f);
-            bench_expect_accepted();
+            fixture_set_effort(0.3f, 0.3f);
+            fixture_expect_accepted();
         }
-        bench_run(1);
+        fixture_run(1);
     }
 }
 
 static void host_silence_stops_a_live_drive_and_latches(void)
 {
-    bench_set_effort(0.3f, 0.3f);
-    bench_run(499);
-    TEST_ASSERT_EQUAL_INT16(3000, bench.board.effort_e4[0]);
-    bench_run(1);
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_run(499);
+    TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
+    fixture_run(1);
     assert_braked();
-    const struct proto_status_reply status = bench_status();
+    const struct proto_status_reply status = fixture_status();
     TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, status.state);
     TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_HOST_SILENT, status.faults_latched);
-    bench_set_effort(0.3f, 0.3f); /* talking again is not enough */
-    bench_expect_refused(PROTO_REFUSAL_REASON_FAULT_LATCHED, PROTO_FAULT_HOST_SILENT);
-    bench_run(100);
+    fixture_set_effort(0.3f, 0.3f); /* new commands alone are not enough */
+    fixture_expect_refused(PROTO_REFUSAL_REASON_FAULT_LATCHED, PROTO_FAULT_HOST_SILENT);
+    fixture_run(100);
     assert_braked();
 }
 
 static void host_that_keeps_talking_is_obeyed(void)
 {
     drive_live(5000);
-    TEST_ASSERT_EQUAL_INT16(3000, bench.board.effort_e4[0]);
+    TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
 }
 
 static void asking_for_status_is_not_driving(void)
 {
-    bench_set_effort(0.3f, 0.3f);
+    fixture_set_effort(0.3f, 0.3f);
     for (int i = 0; i < 10; i++) {
-        bench_run(50);
-        (void)bench_status();
+        fixture_run(50);
+        (void)fixture_status();
     }
-    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, bench_status().state);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, fixture_status().state);
 }
 
 static void refused_command_does_not_keep_the_drive_alive(void)
 {
-    bench_set_effort(0.3f, 0.3f);
+    fixture_set_effort(0.3f, 0.3f);
     for (int i = 0; i < 10; i++) {
-        bench_run(50);
+        fixture_run(50);
         TEST_ASSERT_EQUAL_INT16(i < 9 ? 3000 : 0,
-                                bench.board.effort_e4[0]); /* as before, until silence counts */
-        bench_set_effort(NAN, 0.1f);
+                                fixture.board.effort_e4[0]); /* as before, until the time-out */
+        fixture_set_effort(NAN, 0.1f);
     }
-    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, bench_status().state);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, fixture_status().state);
 }
 
 static void silence_time_is_the_parameter_s(void)
 {
-    bench_set_parameter(PROTO_PARAMETER_COMMAND_TIMEOUT_S, 2.0f);
-    bench_set_velocity(0.2f, 0.2f);
-    bench_run(1999);
-    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_LIVE, bench_status().state);
-    bench_run(1);
-    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, bench_status().state);
+    fixture_set_parameter(PROTO_PARAMETER_COMMAND_TIMEOUT_S, 2.0f);
+    fixture_set_velocity(0.2f, 0.2f);
+    fixture_run(1999);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_LIVE, fixture_status().state);
+    fixture_run(1);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, fixture_status().state);
 }
 
 static void cleared_fault_lets_the_host_drive_again(void)
 {
-    bench_set_effort(0.3f, 0.3f);
-    bench_run(600);
-    bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
-    bench_expect_accepted();
-    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, bench_status().state);
-    bench_set_effort(0.3f, 0.3f);
-    bench_expect_accepted();
-    bench_run(1);
-    TEST_ASSERT_EQUAL_INT16(3000, bench.board.effort_e4[0]);
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_run(600);
+    fixture_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    fixture_expect_accepted();
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, fixture_status().state);
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_expect_accepted();
+    fixture_run(1);
+    TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
 }
 
 static void stop_leaves_a_latched_fault_latched(void)
 {
-    bench_set_effort(0.3f, 0.3f);
-    bench_run(600);
-    bench_stop();
-    bench_expect_accepted();
-    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, bench_status().state);
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_run(600);
+    fixture_stop();
+    fixture_expect_accepted();
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, fixture_status().state);
 }
 
 static void encoder_beyond_any_speed_stops_the_wheels(void)
 {
     drive_live(300);
-    bench.motors_turn = false;
-    for (int i = 0; i < 50 && bench.board.effort_e4[0] != 0; i++) {
-        bench.board.sample.counts[1] += 60; /* 10 m/s */
-        bench_run(1);
+    fixture.motors_turn = false;
+    for (int i = 0; i < 50 && fixture.board.effort_e4[0] != 0; i++) {
+        fixture.board.sample.counts[1] += 60; /* 10 m/s */
+        fixture_run(1);
     }
     assert_braked();
-    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE, bench_status().faults_latched);
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE, fixture_status().faults_latched);
 }
 
 static void encoder_fault_ends_a_sequence_and_its_log_says_so(void)
 {
-    bench_start(bench_upload(&two_seconds, 1, 0));
-    bench_run(500);
-    bench.motors_turn = false;
-    bench.board.sample.counts[0] -= 10000;
-    bench_run(2);
+    fixture_start(fixture_upload(&two_seconds, 1, 0));
+    fixture_run(500);
+    fixture.motors_turn = false;
+    fixture.board.sample.counts[0] -= 10000;
+    fixture_run(2);
     assert_braked();
-    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE, bench_status().faults_latched);
-    TEST_ASSERT_EQUAL_UINT8(PROTO_LOG_END_FAULT, bench_newest_log().end);
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE, fixture_status().faults_latched);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_LOG_END_FAULT, fixture_newest_log().end);
     struct proto_seq_state_reply state;
-    bench_ask(PROTO_ID_SEQ_STATE, NULL, 0);
-    TEST_ASSERT_TRUE(proto_seq_state_reply_decode(&state, bench.reply.payload, bench.reply.payload_length));
+    fixture_ask(PROTO_ID_SEQ_STATE, NULL, 0);
+    TEST_ASSERT_TRUE(
+        proto_seq_state_reply_decode(&state, fixture.reply.payload, fixture.reply.payload_length));
     TEST_ASSERT_EQUAL_UINT8(PROTO_SEQUENCE_STATE_ABORTED, state.sequence_state);
 }
 
 static void start_is_refused_while_encoders_run_by_themselves(void)
 {
-    const uint32_t crc = bench_upload(&two_seconds, 1, 0);
-    bench.motors_turn = false;
+    const uint32_t crc = fixture_upload(&two_seconds, 1, 0);
+    fixture.motors_turn = false;
     for (int i = 0; i < 50; i++) {
-        bench.board.sample.counts[0] += 7;
-        bench.board.sample.counts[1] -= 7;
-        bench_run(1);
+        fixture.board.sample.counts[0] += 7;
+        fixture.board.sample.counts[1] -= 7;
+        fixture_run(1);
     }
-    bench_ask_u32(PROTO_ID_SEQ_START, crc);
-    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED,
-                         PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE);
-    bench_set_effort(0.1f, 0.1f);
-    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED,
-                         PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE);
-    bench_run(10);
+    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED,
+                           PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE);
+    fixture_set_effort(0.1f, 0.1f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED,
+                           PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE);
+    fixture_run(10);
     assert_braked();
 }
 
 static void start_is_refused_without_a_battery_reading(void)
 {
-    const uint32_t crc = bench_upload(&two_seconds, 1, 0);
-    bench.board.sample.battery_valid = false;
-    bench_run(1);
-    bench_ask_u32(PROTO_ID_SEQ_START, crc);
-    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
-    bench_set_velocity(0.1f, 0.1f);
-    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
-    TEST_ASSERT_EQUAL_UINT16(0, bench_status().battery_mv);
+    const uint32_t crc = fixture_upload(&two_seconds, 1, 0);
+    fixture.board.sample.battery_valid = false;
+    fixture_run(1);
+    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
+    fixture_set_velocity(0.1f, 0.1f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
+    TEST_ASSERT_EQUAL_UINT16(0, fixture_status().battery_mv);
 }
 
 /* QEMU's F405: timers run free in encoder mode, and the ADC never converts. */
 static void everything_wrong_is_named_at_once(void)
 {
-    const uint32_t crc = bench_upload(&two_seconds, 1, 0);
-    bench.motors_turn = false;
-    bench.board.sample.battery_valid = false;
+    const uint32_t crc = fixture_upload(&two_seconds, 1, 0);
+    fixture.motors_turn = false;
+    fixture.board.sample.battery_valid = false;
     for (int i = 0; i < 20; i++) {
-        bench.board.sample.counts[0] += 21000;
-        bench.board.sample.counts[1] += 21000;
-        bench_run(1);
+        fixture.board.sample.counts[0] += 21000;
+        fixture.board.sample.counts[1] += 21000;
+        fixture_run(1);
     }
     const uint32_t all = PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE |
                          PROTO_FAULT_BATTERY_UNREAD;
-    bench_ask_u32(PROTO_ID_SEQ_START, crc);
-    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, all);
-    TEST_ASSERT_EQUAL_HEX32(all, bench_status().faults_active);
-    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, bench_status().state);
+    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, all);
+    TEST_ASSERT_EQUAL_HEX32(all, fixture_status().faults_active);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, fixture_status().state);
     assert_braked();
 }
 
 static void start_is_refused_while_the_wheels_still_coast(void)
 {
-    const uint32_t crc = bench_upload(&two_seconds, 1, 0);
+    const uint32_t crc = fixture_upload(&two_seconds, 1, 0);
     drive_live(1000);
-    bench_stop();
-    bench_run(100);
-    bench_ask_u32(PROTO_ID_SEQ_START, crc);
-    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED,
-                         PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE);
-    TEST_ASSERT_EQUAL_HEX32(0, bench_status().faults_active);
-    bench_set_effort(0.2f, 0.2f); /* a person at a joystick may go on at once */
-    bench_expect_accepted();
-    bench_stop();
-    bench_run(3000);
-    bench_ask_u32(PROTO_ID_SEQ_START, crc);
-    bench_expect_accepted();
+    fixture_stop();
+    fixture_run(100);
+    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED,
+                           PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE);
+    TEST_ASSERT_EQUAL_HEX32(0, fixture_status().faults_active);
+    fixture_set_effort(0.2f, 0.2f); /* a person at a joystick may go on at once */
+    fixture_expect_accepted();
+    fixture_stop();
+    fixture_run(3000);
+    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_expect_accepted();
 }
 
 static void robot_pushed_by_hand_is_fit_again_when_it_stands(void)
 {
-    const uint32_t crc = bench_upload(&two_seconds, 1, 0);
-    bench.motors_turn = false;
+    const uint32_t crc = fixture_upload(&two_seconds, 1, 0);
+    fixture.motors_turn = false;
     for (int i = 0; i < 300; i++) {
-        bench.board.sample.counts[0] += 2;
-        bench_run(1);
+        fixture.board.sample.counts[0] += 2;
+        fixture_run(1);
     }
-    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE, bench_status().faults_active);
-    TEST_ASSERT_EQUAL_HEX32(0, bench_status().faults_latched);
-    bench_run(WHEEL_SPEED_STILL_MS + 1);
-    TEST_ASSERT_EQUAL_HEX32(0, bench_status().faults_active);
-    bench_ask_u32(PROTO_ID_SEQ_START, crc);
-    bench_expect_accepted();
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE, fixture_status().faults_active);
+    TEST_ASSERT_EQUAL_HEX32(0, fixture_status().faults_latched);
+    fixture_run(WHEEL_SPEED_STILL_MS + 1);
+    TEST_ASSERT_EQUAL_HEX32(0, fixture_status().faults_active);
+    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_expect_accepted();
 }
 
 static void slope_that_turns_braked_wheels_ends_no_drive(void)
 {
     const struct proto_segment rest = {PROTO_SEGMENT_KIND_EFFORT, 5000, 0.0f, 0.0f};
-    bench_start(bench_upload(&rest, 1, 0));
-    bench.motors_turn = false;
+    fixture_start(fixture_upload(&rest, 1, 0));
+    fixture.motors_turn = false;
     for (int i = 0; i < 4500; i++) {
-        bench.board.sample.counts[0] += i % 2;
-        bench_run(1);
+        fixture.board.sample.counts[0] += i % 2;
+        fixture_run(1);
     }
-    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_SEQUENCE, bench_status().state);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_SEQUENCE, fixture_status().state);
 }
 
 static void battery_that_stays_low_stops_the_wheels(void)
 {
     drive_live(300);
-    bench.board.sample.battery_mv = 8900;
+    fixture.board.sample.battery_mv = 8900;
     drive_live(200);
-    bench.board.sample.battery_mv = 9100; /* a sag that passes is none */
+    fixture.board.sample.battery_mv = 9100; /* a sag that passes is none */
     drive_live(200);
-    bench.board.sample.battery_mv = 8900;
-    bench_set_effort(0.3f, 0.3f);
-    bench_run(SUPERVISOR_BATTERY_LOW_MS + 1);
+    fixture.board.sample.battery_mv = 8900;
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_run(SUPERVISOR_BATTERY_LOW_MS + 1);
     assert_braked();
-    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_BATTERY_LOW, bench_status().faults_latched);
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_BATTERY_LOW, fixture_status().faults_latched);
 }
 
 static void low_battery_must_recover_by_the_hysteresis_before_it_is_cleared(void)
 {
     drive_live(300);
-    bench.board.sample.battery_mv = 8900;
-    bench_set_effort(0.3f, 0.3f);
-    bench_run(400);
-    bench.board.sample.battery_mv = 9400;
-    bench_run(10);
-    bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
-    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_LOW);
-    bench.board.sample.battery_mv = 9500;
-    bench_run(1);
-    bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
-    bench_expect_accepted();
+    fixture.board.sample.battery_mv = 8900;
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_run(400);
+    fixture.board.sample.battery_mv = 9400;
+    fixture_run(10);
+    fixture_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_LOW);
+    fixture.board.sample.battery_mv = 9500;
+    fixture_run(1);
+    fixture_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    fixture_expect_accepted();
 }
 
 static void start_is_refused_on_a_low_battery_at_the_first_reading(void)
 {
-    bench.board.sample.battery_mv = 8999;
-    bench_run(1);
-    bench_set_effort(0.1f, 0.1f);
-    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_LOW);
+    fixture.board.sample.battery_mv = 8999;
+    fixture_run(1);
+    fixture_set_effort(0.1f, 0.1f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_LOW);
 }
 
 static void battery_that_is_unread_stops_the_wheels(void)
 {
     drive_live(300);
-    bench.board.sample.battery_valid = false;
-    bench_run(1);
+    fixture.board.sample.battery_valid = false;
+    fixture_run(1);
     assert_braked();
-    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_BATTERY_UNREAD, bench_status().faults_latched);
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_BATTERY_UNREAD, fixture_status().faults_latched);
 }
 
 static void overrun_of_the_control_loop_stops_a_drive(void)
 {
     drive_live(100);
-    controller_note_overrun(&bench.controller);
-    bench_run(1);
+    controller_note_overrun(&fixture.controller);
+    fixture_run(1);
     assert_braked();
-    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_LOOP_OVERRUN, bench_status().faults_latched);
-    bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
-    bench_expect_accepted();
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_LOOP_OVERRUN, fixture_status().faults_latched);
+    fixture_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    fixture_expect_accepted();
 }
 
 static void internal_oscillator_is_reported_and_does_not_keep_the_robot_from_driving(void)
 {
-    bench.board.identity.clock_fallback = true;
-    bench.board.identity.core_hz = 168000000;
-    controller_init(&bench.controller);
-    bench_run(5);
-    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_CLOCK_FALLBACK, bench_status().faults_active);
-    bench_start(bench_upload(&two_seconds, 1, 0));
-    bench_run(1000);
-    TEST_ASSERT_EQUAL_INT16(3000, bench.board.effort_e4[0]);
-    TEST_ASSERT_EQUAL_HEX32(0, bench_status().faults_latched);
+    fixture.board.identity.clock_fallback = true;
+    fixture.board.identity.cpu_hz = 168000000;
+    controller_init(&fixture.controller);
+    fixture_run(5);
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_CLOCK_FALLBACK, fixture_status().faults_active);
+    fixture_start(fixture_upload(&two_seconds, 1, 0));
+    fixture_run(1000);
+    TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
+    TEST_ASSERT_EQUAL_HEX32(0, fixture_status().faults_latched);
 }
 
 static void several_faults_are_latched_together_and_cleared_together(void)
 {
     drive_live(100);
-    bench.motors_turn = false;
-    bench.board.sample.battery_valid = false;
-    bench.board.sample.counts[0] += 100000;
-    bench_run(1);
+    fixture.motors_turn = false;
+    fixture.board.sample.battery_valid = false;
+    fixture.board.sample.counts[0] += 100000;
+    fixture_run(1);
     TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_BATTERY_UNREAD,
-                            bench_status().faults_latched);
-    bench_run(100);
-    bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
-    bench_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
-    bench.board.sample.battery_valid = true;
-    bench_run(1);
-    bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
-    bench_expect_accepted();
-    TEST_ASSERT_EQUAL_HEX32(0, bench_status().faults_latched);
+                            fixture_status().faults_latched);
+    fixture_run(100);
+    fixture_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
+    fixture.board.sample.battery_valid = true;
+    fixture_run(1);
+    fixture_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    fixture_expect_accepted();
+    TEST_ASSERT_EQUAL_HEX32(0, fixture_status().faults_latched);
 }
 
 static void reversed_wiring_is_put_right_by_parameters(void)
 {
-    bench_set_parameter(PROTO_PARAMETER_ENCODER_LEFT_REVERSED, 1.0f);
-    bench_set_parameter(PROTO_PARAMETER_MOTOR_RIGHT_REVERSED, 1.0f);
-    bench_set_effort(0.3f, 0.3f);
-    bench_run(1);
-    TEST_ASSERT_EQUAL_INT16(3000, bench.board.effort_e4[0]);
-    TEST_ASSERT_EQUAL_INT16(-3000, bench.board.effort_e4[1]);
-    TEST_ASSERT_EQUAL_INT16(3000, bench_status().effort_e4[1]);
-    bench_run(300);
-    const struct proto_status_reply status = bench_status();
+    fixture_set_parameter(PROTO_PARAMETER_ENCODER_LEFT_REVERSED, 1.0f);
+    fixture_set_parameter(PROTO_PARAMETER_MOTOR_RIGHT_REVERSED, 1.0f);
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_run(1);
+    TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
+    TEST_ASSERT_EQUAL_INT16(-3000, fixture.board.effort_e4[1]);
+    TEST_ASSERT_EQUAL_INT16(3000, fixture_status().effort_e4[1]);
+    fixture_run(300);
+    const struct proto_status_reply status = fixture_status();
     TEST_ASSERT_TRUE(status.counts[0] < 0);
-    TEST_ASSERT_EQUAL_INT32(-bench.board.sample.counts[0], status.counts[0]);
+    TEST_ASSERT_EQUAL_INT32(-fixture.board.sample.counts[0], status.counts[0]);
 }
 
 static void watchdog_is_fed_by_ticks_and_poll_together_only(void)
 {
-    bench_run(10);
-    const uint32_t fed = bench.board.watchdog_feeds;
+    fixture_run(10);
+    const uint32_t fed = fixture.board.watchdog_feeds;
     TEST_ASSERT_EQUAL_UINT32(10, fed);
     for (int i = 0; i < 100; i++) {
-        controller_poll(&bench.controller); /* the tick is dead */
+        controller_poll(&fixture.controller); /* the tick is dead */
     }
-    TEST_ASSERT_EQUAL_UINT32(fed, bench.board.watchdog_feeds);
+    TEST_ASSERT_EQUAL_UINT32(fed, fixture.board.watchdog_feeds);
     for (int i = 0; i < 100; i++) {
-        controller_tick(&bench.controller); /* the main loop is dead */
+        controller_tick(&fixture.controller); /* the main loop is dead */
     }
-    TEST_ASSERT_EQUAL_UINT32(fed, bench.board.watchdog_feeds);
+    TEST_ASSERT_EQUAL_UINT32(fed, fixture.board.watchdog_feeds);
 }
 
 int main(void)

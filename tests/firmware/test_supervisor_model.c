@@ -2,7 +2,7 @@
  * states lead to which. With --edges the program prints the edges only. */
 #include <stdio.h>
 
-#include "bench.h"
+#include "fixture.h"
 #include "random.h"
 
 enum { STEPS = 4000000, STATES = 4 };
@@ -26,7 +26,7 @@ void tearDown(void)
 
 static uint8_t state(void)
 {
-    return bench.controller.robot.supervisor.state;
+    return fixture.controller.robot.supervisor.state;
 }
 
 static float random_between(float low, float high)
@@ -34,18 +34,18 @@ static float random_between(float low, float high)
     return low + (high - low) * (float)random_below(10001) / 10000.0f;
 }
 
-/* What the encoders say: the motors' travel, unless something is broken. */
+/* Encoder counts: the motors' travel, unless a fault is injected. */
 static void sense(void)
 {
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
-        const double before = bench.motor[wheel].travel_m;
-        bench_turn_motor(&bench.motor[wheel], bench.board.effort_e4[wheel] / 10000.0);
-        const double moved = bench.motor[wheel].travel_m - before;
+        const double before = fixture.motor[wheel].travel_m;
+        fixture_turn_motor(&fixture.motor[wheel], fixture.board.effort_e4[wheel] / 10000.0);
+        const double moved = fixture.motor[wheel].travel_m - before;
         if (!frozen[wheel]) {
             held_m[wheel] += backwards[wheel] ? -moved : moved;
         }
-        bench.board.sample.counts[wheel] =
-            (int32_t)floor(held_m[wheel] / bench_metres_per_count()) + jump[wheel];
+        fixture.board.sample.counts[wheel] =
+            (int32_t)floor(held_m[wheel] / fixture_metres_per_count()) + jump[wheel];
     }
 }
 
@@ -53,30 +53,30 @@ static void note_edge(uint8_t before)
 {
     edges[before][state()] = true;
     visits[state()]++;
-    fault_seen |= bench.controller.robot.supervisor.latched;
+    fault_seen |= fixture.controller.robot.supervisor.latched;
 }
 
 /* Nothing that commands effort while a stop is latched, or while idle. */
 static void assert_safe(void)
 {
     if (state() == PROTO_STATE_STOPPED || state() == PROTO_STATE_IDLE) {
-        TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
-        TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[1]);
+        TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[0]);
+        TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[1]);
     }
-    const bool latched = bench.controller.robot.supervisor.latched != 0;
+    const bool latched = fixture.controller.robot.supervisor.latched != 0;
     TEST_ASSERT_EQUAL(latched, state() == PROTO_STATE_STOPPED);
-    TEST_ASSERT_EQUAL_HEX32(0, bench.controller.robot.supervisor.latched & ~PROTO_FAULTS_THAT_STOP);
+    TEST_ASSERT_EQUAL_HEX32(0, fixture.controller.robot.supervisor.latched & ~PROTO_FAULTS_THAT_STOP);
 }
 
 static void tick(void)
 {
     const uint8_t before = state();
     sense();
-    controller_tick(&bench.controller);
+    controller_tick(&fixture.controller);
     note_edge(before);
     assert_safe();
     const uint8_t between = state();
-    controller_poll(&bench.controller);
+    controller_poll(&fixture.controller);
     note_edge(between);
     assert_safe();
 }
@@ -94,7 +94,7 @@ static void upload_something(void)
         };
     }
     if (state() != PROTO_STATE_SEQUENCE) {
-        (void)bench_upload(segments, count, 0);
+        (void)fixture_upload(segments, count, 0);
     }
 }
 
@@ -103,31 +103,31 @@ static void command(void)
     const uint8_t before = state();
     switch (random_below(8)) {
     case 0:
-        bench_set_effort(random_between(-1.1f, 1.1f), random_between(-1.1f, 1.1f));
+        fixture_set_effort(random_between(-1.1f, 1.1f), random_between(-1.1f, 1.1f));
         break;
     case 1:
-        bench_set_velocity(random_between(-1.6f, 1.6f), random_between(-1.6f, 1.6f));
+        fixture_set_velocity(random_between(-1.6f, 1.6f), random_between(-1.6f, 1.6f));
         break;
     case 2:
-        bench_stop();
-        bench_expect_accepted();
-        TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[0]);
-        TEST_ASSERT_EQUAL_INT16(0, bench.board.effort_e4[1]);
+        fixture_stop();
+        fixture_expect_accepted();
+        TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[0]);
+        TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[1]);
         TEST_ASSERT_TRUE(state() == PROTO_STATE_IDLE || state() == PROTO_STATE_STOPPED);
         stops_obeyed++;
         break;
     case 3:
     case 4:
-        bench_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+        fixture_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
         break;
     case 5:
         upload_something();
         break;
     case 6:
-        bench_ask_u32(PROTO_ID_SEQ_START, bench.controller.robot.sequence.crc);
+        fixture_ask_u32(PROTO_ID_SEQ_START, fixture.controller.robot.sequence.crc);
         break;
     default:
-        bench_ask(PROTO_ID_SEQ_ABORT, NULL, 0);
+        fixture_ask(PROTO_ID_SEQ_ABORT, NULL, 0);
         break;
     }
     note_edge(before);
@@ -140,10 +140,10 @@ static void break_or_mend(void)
     switch (random_below(14)) {
     case 0:
     case 9:
-        bench.board.sample.battery_mv = 8000;
+        fixture.board.sample.battery_mv = 8000;
         break;
     case 1:
-        bench.board.sample.battery_valid = random_below(3) != 0;
+        fixture.board.sample.battery_valid = random_below(3) != 0;
         break;
     case 2:
         frozen[wheel] = true;
@@ -155,43 +155,43 @@ static void break_or_mend(void)
         jump[wheel] += (int32_t)random_below(2000) - 1000;
         break;
     case 5:
-        controller_note_overrun(&bench.controller);
+        controller_note_overrun(&fixture.controller);
         break;
     case 6:
-        bench.controller.robot.sequence.segments[0].duration_ms ^= 1u << random_below(8);
+        fixture.controller.robot.sequence.segments[0].duration_ms ^= 1u << random_below(8);
         break;
     case 7:
-        bench.motor[wheel].friction = 2.0; /* held */
+        fixture.motor[wheel].friction = 2.0; /* held */
         break;
     case 8:
-        bench.motor[wheel].gain_mps = 3.8; /* a stronger supply */
+        fixture.motor[wheel].gain_mps = 3.8; /* a stronger supply */
         break;
     case 10:
-        bench.controller.robot.supervisor.store_damaged = true;
+        fixture.controller.robot.supervisor.store_damaged = true;
         break;
     default:
-        bench.controller.robot.supervisor.store_damaged = false;
-        bench.board.sample.battery_mv = 12000;
-        bench.board.sample.battery_valid = true;
+        fixture.controller.robot.supervisor.store_damaged = false;
+        fixture.board.sample.battery_mv = 12000;
+        fixture.board.sample.battery_valid = true;
         for (int i = 0; i < HAL_WHEELS; i++) {
             frozen[i] = false;
             backwards[i] = false;
-            bench.motor[i].friction = 0.02;
-            bench.motor[i].gain_mps = 1.5;
+            fixture.motor[i].friction = 0.02;
+            fixture.motor[i].gain_mps = 1.5;
         }
         break;
     }
 }
 
-/* Now and then the board starts anew, after whatever can precede a start. */
+/* Occasionally the board restarts, with every possible reset cause. */
 static void start_anew(void)
 {
     static const uint8_t causes[] = {0x0E, 0x24, 0x14, 0x06, 0x04};
-    struct hal_identity *const identity = &bench.board.identity;
+    struct hal_identity *const identity = &fixture.board.identity;
     identity->reset_cause = causes[random_below(sizeof causes)];
     identity->program_fault = random_below(4) == 0;
     identity->clock_fallback = random_below(4) == 0;
-    controller_init(&bench.controller);
+    controller_init(&fixture.controller);
     note_edge(state());
     assert_safe();
 }
@@ -199,7 +199,7 @@ static void start_anew(void)
 static void run(void)
 {
     random_seed(2026);
-    bench_power_up();
+    fixture_power_up();
     for (int step = 0; step < STEPS; step++) {
         if (random_below(120) == 0) {
             command();

@@ -1,9 +1,9 @@
-/* The speed loop does what its formula says, does not wind up, and holds speeds on a motor. */
+/* The speed loop follows its formula, does not wind up, and holds speeds on a motor. */
 #include "velocity_control.h"
 
 #include <math.h>
 
-#include "bench.h"
+#include "fixture.h"
 #include "wheel_speed.h"
 
 static struct velocity_control control;
@@ -21,7 +21,7 @@ void setUp(void)
         .accel_limit_mps2 = 1.0e5f,
     };
     velocity_control_reset(&control, 0.0f, 0.0f);
-    bench_power_up();
+    fixture_power_up();
 }
 
 void tearDown(void)
@@ -130,24 +130,24 @@ static void standing_wheel_told_to_stand_gets_no_effort(void)
     TEST_ASSERT_EQUAL_FLOAT(0.0f, control.integral);
 }
 
-/* The bench's motor through the whole controller: default parameters, plain counts, 1 kHz. */
-static void check_step(float speed_mps, double motor_gain, double friction, double most_overshoot)
+/* The fixture's motor through the whole controller: default parameters, plain counts, 1 kHz. */
+static void check_step(float speed_mps, double motor_gain, double friction, double max_overshoot)
 {
     double highest = 0.0;
     double sum = 0.0;
     int settled_at_ms = 0;
-    bench_power_up();
+    fixture_power_up();
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
-        bench.motor[wheel].gain_mps = motor_gain;
-        bench.motor[wheel].friction = friction;
+        fixture.motor[wheel].gain_mps = motor_gain;
+        fixture.motor[wheel].friction = friction;
     }
     for (int ms = 0; ms < 2000; ms++) {
         if (ms % 100 == 0) {
-            bench_set_velocity(speed_mps, speed_mps);
-            bench_expect_accepted();
+            fixture_set_velocity(speed_mps, speed_mps);
+            fixture_expect_accepted();
         }
-        bench_run(1);
-        const double speed = bench.motor[0].speed_mps;
+        fixture_run(1);
+        const double speed = fixture.motor[0].speed_mps;
         highest = fmax(highest, speed);
         if (fabs(speed - (double)speed_mps) > 0.05 * (double)speed_mps) {
             settled_at_ms = ms + 1;
@@ -162,9 +162,9 @@ static void check_step(float speed_mps, double motor_gain, double friction, doub
            settled_at_ms);
     TEST_ASSERT_DOUBLE_WITHIN(0.01, 1.0, gain);
     TEST_ASSERT_TRUE(settled_at_ms <= 500);
-    /* What the encoder cannot tell, the loop cannot hold: one count in the window. */
-    const double resolution = bench_metres_per_count() * 1000.0 / WHEEL_SPEED_WINDOW_MS;
-    TEST_ASSERT_TRUE(highest < (1.0 + most_overshoot) * (double)speed_mps + resolution);
+    /* The resolution of the speed bounds the loop's accuracy: one count in the window. */
+    const double resolution = fixture_metres_per_count() * 1000.0 / WHEEL_SPEED_WINDOW_MS;
+    TEST_ASSERT_TRUE(highest < (1.0 + max_overshoot) * (double)speed_mps + resolution);
 }
 
 static void speed_steps_settle_within_half_a_second_at_gain_one(void)

@@ -1,4 +1,4 @@
-/* A wheel's speed from counts and the times of edges, on edges whose truth is known. */
+/* A wheel's speed from counts and the times of edges, on known edges. */
 #include "wheel_speed.h"
 
 #include <math.h>
@@ -8,7 +8,7 @@
 
 static const float metres_per_count = 0.006f; /* 64 counts a turn */
 
-/* A wheel whose position is set at every microsecond that matters, seen as the board sees it. */
+/* A wheel whose position is known at every edge, read as the board reads it. */
 static struct wheel_speed wheel;
 static double position; /* counts; edge n is passed at n, moved by `misplaced` */
 static double misplaced[4];
@@ -183,7 +183,7 @@ static void unequal_phases_cancel_where_a_whole_period_fits(void)
     run(60.0, 500);
     for (int i = 0; i < 1000; i++) {
         tick(60.0);
-        /* Before a late edge the bound cannot know that it is late. */
+        /* Before a late edge the bound does not account for its lateness. */
         TEST_ASSERT_TRUE(speed() < 1.001f * wanted && speed() > wanted / 1.35f);
         exact += speed() > 0.999f * wanted ? 1 : 0;
     }

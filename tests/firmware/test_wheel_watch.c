@@ -1,5 +1,5 @@
-/* A wheel whose counts run against its effort: found soon, and told from all that a push by nature explains.
- */
+/* A wheel whose counts run against its effort: detected soon, and distinguished from motion by gravity or the
+ * other wheel. */
 #include "wheel_watch.h"
 
 #include <math.h>
@@ -42,7 +42,7 @@ void tearDown(void)
 {
 }
 
-/* One tick of a wheel with an effort and, in the same unit, all that pushes it otherwise. */
+/* One tick of a wheel with an effort and, in the same unit, all other forces on it. */
 static void roll(double effort, double pushed_by)
 {
     const double driving = effort - kv * speed_mps + pushed_by;
@@ -139,7 +139,7 @@ static void a_wheel_that_the_other_one_turns_back_is_not_called_reversed(void)
         for (int other = 0; other <= 100; other += 5) {
             const double carried = -0.4 * (0.01 * other - friction);
             if (other < 5 || 0.01 * own + carried < -0.12) {
-                continue; /* pushed back for good: that is another matter */
+                continue; /* pushed back permanently: detected */
             }
             setUp();
             const int ms = reversed_after(0.01 * own, 0.01 * other, carried, 1, 40);

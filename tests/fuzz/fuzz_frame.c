@@ -1,4 +1,4 @@
-/* Whatever bytes come, the frame decoder stays in its memory, and what is framed comes out as it went in. */
+/* For all inputs the frame decoder stays within its memory, and decoding inverts coding. */
 #include <string.h>
 
 #include "rig.h"
@@ -41,7 +41,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     }
     RIG_REQUIRE(sound + decoder.dropped <= ends);
 
-    /* One more zero, and the next frame is heard, whatever came before. */
+    /* After one more zero the next frame is received, for all inputs before it. */
     (void)frame_decoder_push(&decoder, 0, &frame);
     static const uint8_t status[] = {0x02, 0x02, 0x01, 0x01, 0x05, 0x00}; /* cut short on purpose */
     const uint32_t dropped = decoder.dropped;

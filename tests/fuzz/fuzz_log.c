@@ -1,9 +1,7 @@
-/* Whatever is recorded comes back as it was, and whatever part of the log is asked for, only sealed bytes are
- * given.
+/* Coding is lossless for all records, and reads of any part of the log return sealed bytes only.
  *
  * Input: number of records u8, their words u32 as they come, geometry and rate u8, first record u32, then
- * reads: id u8 (0 list, 1 read, 2 digest),
- * offset u32, length u32. */
+ * reads: id u8 (0 list, 1 read, 2 digest), offset u32, length u32. */
 #include <string.h>
 
 #include "crc32.h"
@@ -12,7 +10,7 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-enum { MOST_RECORDS = 64 };
+enum { MAX_RECORDS = 64 };
 
 /* What the parameters' limits allow. */
 static const float metres[] = {3.14e-8f, 0.00016624259f, 0.0062f, 1.5707964f};
@@ -23,7 +21,7 @@ static void coding_loses_nothing(uint32_t (*records)[PROTO_LOG_FIELD_COUNT], siz
                                  const struct log_format *format, uint32_t first)
 {
     static struct log_coder coder;
-    static uint8_t coded[MOST_RECORDS * LOG_CODING_MOST];
+    static uint8_t coded[MAX_RECORDS * LOG_CODING_MAX];
     static struct log_decoder decoder;
     log_coder_start(&coder, format, first, coded, sizeof coded);
     for (size_t i = 0; i < count; i++) {
@@ -31,7 +29,7 @@ static void coding_loses_nothing(uint32_t (*records)[PROTO_LOG_FIELD_COUNT], siz
         proto_log_record_from_words(&row, records[i]);
         const size_t before = log_coder_size(&coder);
         log_coder_add(&coder, &row);
-        RIG_REQUIRE(log_coder_size(&coder) - before <= (size_t)LOG_CODING_MOST);
+        RIG_REQUIRE(log_coder_size(&coder) - before <= (size_t)LOG_CODING_MAX);
     }
     log_decoder_start(&decoder, format->geometry.metres_per_count, format->geometry.turns_per_count,
                       format->rate_hz, first, coded, log_coder_finish(&coder));
@@ -64,7 +62,7 @@ static void record(uint32_t (*records)[PROTO_LOG_FIELD_COUNT], size_t count, con
 
 static void every_block_decodes(uint32_t rows)
 {
-    static struct proto_log_record decoded[16 * MOST_RECORDS];
+    static struct proto_log_record decoded[16 * MAX_RECORDS];
     const struct log *const log = &rig.controller.robot.log;
     uint32_t found = 0;
     uint8_t block[PROTO_LOG_BLOCK_LIMIT];
@@ -73,7 +71,7 @@ static void every_block_decodes(uint32_t rows)
         const uint32_t left = (log->end_cell - cell) * PROTO_LOG_CELL_SIZE;
         log_copy(log, cell * PROTO_LOG_CELL_SIZE, block, left < sizeof block ? left : sizeof block);
         RIG_REQUIRE(proto_log_header_decode(&header, block, PROTO_LOG_HEADER_SIZE));
-        const int records = log_decoder_block(block, cell, header.log_id, decoded, 16 * MOST_RECORDS);
+        const int records = log_decoder_block(block, cell, header.log_id, decoded, 16 * MAX_RECORDS);
         RIG_REQUIRE(records >= 0);
         found += (uint32_t)records;
         cell += log_decoder_span(block) / PROTO_LOG_CELL_SIZE;
@@ -107,9 +105,9 @@ static void ask_for_range(uint8_t kind, uint32_t offset, uint32_t length)
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-    static uint32_t records[MOST_RECORDS][PROTO_LOG_FIELD_COUNT];
+    static uint32_t records[MAX_RECORDS][PROTO_LOG_FIELD_COUNT];
     struct rig_input input = {.at = data, .left = size};
-    const size_t count = 1u + rig_u8(&input) % MOST_RECORDS;
+    const size_t count = 1u + rig_u8(&input) % MAX_RECORDS;
     for (size_t i = 0; i < count; i++) {
         for (size_t field = 0; field < PROTO_LOG_FIELD_COUNT; field++) {
             records[i][field] = rig_u32(&input);

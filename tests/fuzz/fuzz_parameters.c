@@ -1,5 +1,5 @@
-/* Whatever a host sets and whatever the parameter store holds, the values in force are finite and within
- * their limits.
+/* For all settings and all contents of the parameter store, the values in force are finite and within their
+ * limits.
  *
  * Input: a flag byte (bit 0: the CRC of slot 0 is made right, 1: of slot 1, 2: the power fails in a save),
  * the length of slot 0's content in words u8, slot 0, the same for slot 1, then settings: index u16, value
@@ -93,7 +93,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         RIG_REQUIRE(rig.accepted);
     }
 
-    /* A save puts things right, or, when the power fails in it, leaves a store that starts. */
+    /* A save repairs the store, or, when the power fails in it, leaves a store that can be loaded. */
     memcpy(kept, rig.controller.robot.parameters.values, sizeof kept);
     if ((flags & 4u) != 0) {
         rig.board.store_cut_at = rig.board.store_operations + flags / 8u;

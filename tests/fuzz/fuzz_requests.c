@@ -1,11 +1,16 @@
-/* Whatever is asked, sensed and waited for, no motor runs that was not told to, and a refused request moves
- * nothing.
+/* For all requests, sensor values and delays, no motor runs without an accepted request, and a refused
+ * request moves nothing.
  *
  * The input is a list of steps, each an opcode and its operands:
- *   0 id length payload...   ask, with a sound frame        1 n             n ticks (and n * 16 in the upper
- * half) 2 counts counts          the encoders move              3 millivolts    the battery, 0xFFFF: unread
- *   4                        the last request again         5 id            ask with the CRC of the sequence
- * held 6                        the tick overran               7               power cycle */
+ *
+ *   0 id length payload...   request, in a valid frame
+ *   1 n                      n ticks (and n * 16 in the upper half)
+ *   2 counts counts          the encoders move
+ *   3 millivolts             the battery, 0xFFFF: unread
+ *   4                        the last request again
+ *   5 id                     request with the CRC of the sequence held
+ *   6                        the tick overran
+ *   7                        power cycle */
 #include <string.h>
 
 #include "rig.h"

@@ -1,5 +1,4 @@
-/* Whatever is uploaded as a sequence, what is accepted of it stays within the limits, and what is run ends on
- * time.
+/* For all uploads, an accepted sequence is within the limits, and a running one ends on time.
  *
  * Input: number of segments u16, log rate u16, then frames: index u16, count u8, packed segments. */
 #include <string.h>

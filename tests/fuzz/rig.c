@@ -1,5 +1,5 @@
-/* What every fuzz program shares: a controller on a board made of memory, and the promises that hold whatever
- * comes. */
+/* Shared by the fuzz programs: a controller on the in-memory board, and the properties checked for all
+ * inputs. */
 #include "rig.h"
 
 #include <stdio.h>
@@ -141,7 +141,7 @@ void rig_ask(uint8_t id, const uint8_t *payload, size_t length)
         RIG_REQUIRE(!is_at_work(&after) && !is_moving());
         rig.may_move = false;
     } else {
-        /* Refused, or not about motion: the wheels do what they did. */
+        /* Refused, or not a motion request: the wheels continue as before. */
         RIG_REQUIRE(memcmp(&before, &after, sizeof before) == 0 || id == PROTO_ID_CLEAR_FAULTS);
         RIG_REQUIRE(is_at_work(&before) || !is_at_work(&after));
     }
@@ -153,7 +153,7 @@ void rig_ask_again(uint8_t id, const uint8_t *payload, size_t length)
     say(id, payload, length);
     const struct motion after = motion_now();
     if (id == PROTO_ID_STOP) {
-        rig.may_move = false; /* obeyed each time it comes */
+        rig.may_move = false; /* executed each time it arrives */
     } else {
         RIG_REQUIRE(memcmp(&before, &after, sizeof before) == 0);
     }

@@ -1,5 +1,5 @@
-/* What every fuzz program shares: a controller on a board made of memory, and the promises that hold whatever
- * comes. */
+/* Shared by the fuzz programs: a controller on the in-memory board, and the properties checked for all
+ * inputs. */
 #ifndef FUZZ_RIG_H
 #define FUZZ_RIG_H
 
@@ -37,14 +37,14 @@ void rig_power_cycle(void);
  * accepted, and none beyond the limit. */
 void rig_tick(void);
 
-/* A sound frame to the controller, and its reply. Checks that there is one, and that a refusal moves nothing.
- */
+/* A valid frame to the controller, and its reply. Checks that there is one, and that a refusal moves
+ * nothing. */
 void rig_ask(uint8_t id, const uint8_t *payload, size_t length);
 
 /* The same frame again, as a host sends it whose reply was lost. Checks that nothing is carried out twice. */
 void rig_ask_again(uint8_t id, const uint8_t *payload, size_t length);
 
-/* The input, eaten from the front; zeros when it is used up. */
+/* The input, consumed from the front; zeros when it is used up. */
 struct rig_input {
     const uint8_t *at;
     size_t left;

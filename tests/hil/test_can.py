@@ -6,19 +6,18 @@ import itertools
 import random
 from pathlib import Path
 
-import cantools
 import pytest
 
 import truing_protocol as tp
 from hil_sim import CanFrame
 from support.can_chain import CanChain
-from truing.device import Device
-from truing.drive import drive
+from truing.board.device import Device
+from truing.board.drive import drive
 from truing.link.can_stream import CanStream, discover, stop_all
 from truing.link.client import Client
 from truing.link.refusals import faults_in
 from truing.plan import Kind, Plan, Segment, load_plan
-from truing.virtual_can import SimulatedBus
+from truing.virtual.can import SimulatedBus
 
 DEMO_PLAN = load_plan("paper/XI")
 SHORT = Plan(
@@ -267,6 +266,8 @@ def test_lost_frames_change_neither_plan_nor_log(image: Path, native_library: Pa
 def test_the_status_broadcast_reads_back_through_the_dbc(
     image: Path, native_library: Path, root: Path
 ) -> None:
+    import cantools
+
     database = cantools.database.load_file(root / "protocol/truing.dbc")
     assert isinstance(database, cantools.database.can.Database)
     with CanChain(image) as chain:

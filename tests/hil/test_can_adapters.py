@@ -18,15 +18,16 @@ from support.can_chain import CanChain
 from support.datagram_can import DatagramCan
 from support.lock_step_bus import LockStepBus
 from support.served_board import ServedBoard
-from truing.device import Device, parameter_info
-from truing.drive import drive
+from truing.board.connect import open_can_bus, open_stream
+from truing.board.device import Device, parameter_info
+from truing.board.drive import drive
 from truing.errors import LinkClosed, PortError
 from truing.link.can_address import CanAddress, can_address
 from truing.link.can_stream import CanStream, discover
 from truing.link.client import Client
-from truing.link.connect import VirtualOptions, open_can_bus, open_stream
-from truing.log_decode import decode_log
+from truing.log.decode import decode_log
 from truing.plan import Kind, Plan, Segment, load_plan
+from truing.virtual.options import VirtualOptions
 
 LONG_LOG = Plan("long", "long", 4 * load_plan("paper/XI").segments, log_rate_hz=200)
 MANY = Plan(

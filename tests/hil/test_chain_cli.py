@@ -78,15 +78,14 @@ def test_a_full_disk_or_a_file_in_the_way_is_one_clear_line(
 def test_the_demo_says_what_it_does_and_where_its_files_lie(
     image: Path, native_library: Path, tmp_path: Path
 ) -> None:
-    done = truing(
-        "demo", "--json", TRUING_OUT=str(tmp_path / "out"), TRUING_RECORDINGS=str(tmp_path / "none")
-    )
+    places = {"TRUING_OUT": str(tmp_path / "out"), "TRUING_RECORDINGS": str(tmp_path / "none")}
+    done = truing("demo", "--only", "drive", "--json", **places)
     assert done.returncode == 0, done.stderr
     written = [Path(path) for path in json.loads(done.stdout)["written"]]
     assert all(path.is_file() for path in written)
     assert {".png", ".html", ".csv", ".json"} <= {path.suffix for path in written}
     assert all(tmp_path in path.parents for path in written)
-    plain = truing("demo", TRUING_OUT=str(tmp_path / "out"), TRUING_RECORDINGS=str(tmp_path / "none"))
+    plain = truing("demo", "--only", "drive", **places)
     assert "No real recording was identified" in plain.stdout
     assert str(tmp_path / "none") in plain.stdout
     assert plain.stdout.index("report.html") > plain.stdout.index("Written")
@@ -96,7 +95,8 @@ def test_the_demo_says_what_it_does_and_where_its_files_lie(
 def test_the_demo_identifies_a_real_recording_too(
     image: Path, native_library: Path, recordings: Path, tmp_path: Path
 ) -> None:
-    done = truing("demo", "--json", TRUING_OUT=str(tmp_path / "out"), TRUING_RECORDINGS=str(recordings))
+    places = {"TRUING_OUT": str(tmp_path / "out"), "TRUING_RECORDINGS": str(recordings)}
+    done = truing("demo", "--only", "drive", "--json", **places)
     real = json.loads(done.stdout)["real"]
     assert recordings in Path(real["set"]).parents
     assert real["runs"]

@@ -9,12 +9,12 @@ import pytest
 
 from support.chain import Chain
 from support.faulty_stream import FaultyStream
-from truing.device import Device
-from truing.drive import drive
+from truing.board.device import Device
+from truing.board.drive import drive
 from truing.errors import BoardRebooted, LinkClosed
 from truing.link.client import Client
-from truing.log_decode import decode_log
-from truing.partial_file import PartialFile, read_identity
+from truing.log.decode import decode_log
+from truing.log.partial_file import PartialFile, read_identity
 from truing.plan import Kind, Plan, Segment, load_plan
 
 DEMO_PLAN = load_plan("paper/XI")

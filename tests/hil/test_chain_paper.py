@@ -1,4 +1,4 @@
-"""The paper's tests I to XVII, driven through the flashed image: Tables III and IV, and the contract."""
+"""The paper's tests I to XVII, driven through the flashed image: Tables III and IV, and the run format."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from truing.recording_reader import read_recording_set
+from truing.recording.reader import read_recording_set
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +50,7 @@ def test_the_three_gains_at_fifteen_per_cent_differ_as_the_papers_do(paper: dict
     assert at_15["I"] < at_15["IX"] < at_15["XVII"]
 
 
-def test_every_run_passes_the_contracts_reader_and_knows_the_pause_before_it(paper: dict[str, Any]) -> None:
+def test_every_run_passes_the_reader_and_knows_the_pause_before_it(paper: dict[str, Any]) -> None:
     recordings = read_recording_set(paper["folder"])
     assert len(recordings.runs) == 17
     pauses = [run.metadata.pause_before_s for run in recordings.runs if run.metadata is not None]

@@ -8,13 +8,15 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pytest
 
+from support.processes import child, wait_until_it_says
 from support.served_board import ServedBoard
-from truing.device import Device
+from truing.board.device import Device
 from truing.errors import LinkClosed, LinkError, PortError
 from truing_protocol import SequenceState, State
 
@@ -25,37 +27,40 @@ def board(image: Path, native_library: Path, tmp_path: Path) -> Iterator[ServedB
         yield served
 
 
-def start_run(port: str, folder: Path, plan: str = "paper/XI") -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-m", "truing", "--port", port, "run", plan, "--set", str(folder)],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+def running(
+    port: str, folder: Path, plan: str = "paper/XI", ignoring: Sequence[signal.Signals] = ()
+) -> AbstractContextManager[subprocess.Popen[str]]:
+    """`truing run`, which notes every request as it sends it."""
+    command = [sys.executable, "-m", "truing", "-vv", "--port", port, "run", plan, "--set", str(folder)]
+    return child(command, ignoring=ignoring)
 
 
-def wait_until_it_says(process: subprocess.Popen[str], word: str) -> None:
-    assert process.stderr is not None
-    for line in process.stderr:
-        if word in line:
-            return
-    pytest.fail(f"never said {word}")
+IGNORED_IN_BACKGROUND = (signal.SIGINT, signal.SIGHUP)  # as by `nohup truing run ... &`
 
 
 @pytest.mark.parametrize(
-    ("kind", "number"),
-    [("tcp", signal.SIGINT), ("pty", signal.SIGINT), ("tcp", signal.SIGTERM), ("tcp", signal.SIGHUP)],
+    ("kind", "number", "ignoring"),
+    [
+        ("tcp", signal.SIGINT, ()),
+        ("pty", signal.SIGINT, ()),
+        ("tcp", signal.SIGTERM, ()),
+        ("tcp", signal.SIGHUP, ()),
+        ("tcp", signal.SIGTERM, IGNORED_IN_BACKGROUND),
+    ],
 )
 def test_a_signal_in_the_middle_of_a_run_stops_the_wheels(
-    board: ServedBoard, tmp_path: Path, kind: str, number: signal.Signals
+    board: ServedBoard,
+    tmp_path: Path,
+    kind: str,
+    number: signal.Signals,
+    ignoring: tuple[signal.Signals, ...],
 ) -> None:
     port = board.tcp if kind == "tcp" else board.pty
-    run = start_run(port, tmp_path / "set")
-    wait_until_it_says(run, "floor:")
-    time.sleep(1.6)  # a rest of one second, then 0.6 s at 35 %
-    run.send_signal(number)
-    out, err = run.communicate(timeout=5)
+    with running(port, tmp_path / "set", ignoring=ignoring) as run:
+        wait_until_it_says(run, "seq_start")
+        time.sleep(2.0)  # a rest of one second, then one at 35 %
+        run.send_signal(number)
+        out, err = run.communicate(timeout=5)
     assert run.returncode == 130, err
     assert "wheels stopped: the board has acknowledged the stop" in err
     with Device.open(port) as device:
@@ -70,16 +75,44 @@ def test_a_signal_in_the_middle_of_a_run_stops_the_wheels(
 
 
 def test_a_signal_stops_the_wheels_within_a_tenth_of_a_second(board: ServedBoard, tmp_path: Path) -> None:
-    run = start_run(board.tcp, tmp_path / "set")
-    wait_until_it_says(run, "floor:")
-    time.sleep(1.5)
-    began = time.monotonic()
-    run.send_signal(signal.SIGINT)
-    wait_until_it_says(run, "wheels stopped")
-    took = time.monotonic() - began
-    run.communicate(timeout=5)
+    with running(board.tcp, tmp_path / "set") as run:
+        wait_until_it_says(run, "seq_start")
+        time.sleep(1.5)
+        began = time.monotonic()
+        run.send_signal(signal.SIGINT)
+        wait_until_it_says(run, "wheels stopped")
+        took = time.monotonic() - began
+        run.communicate(timeout=5)
     print(f"from signal to acknowledged stop: {took * 1000:.0f} ms")
     assert took < 0.25, "0.1 s, and as much again for a busy machine"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_virtual_board_that_is_ended_takes_its_link_away(
+    image: Path, native_library: Path, tmp_path: Path, number: signal.Signals
+) -> None:
+    link = tmp_path / "robot"
+    with child([sys.executable, "-m", "truing", "board", "--tcp", "off", "--link", str(link)]) as served:
+        assert served.stdout is not None
+        assert str(link) in served.stdout.readline()
+        assert link.is_symlink()
+        served.send_signal(number)
+        _, err = served.communicate(timeout=5)
+    assert "virtual board stopped" in err
+    assert not link.is_symlink()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_view_that_is_ended_closes_its_session(board: ServedBoard, number: signal.Signals) -> None:
+    """The session's end is what stops the wheels; a process that the signal ended would return its number."""
+    command = [sys.executable, "-m", "truing", "--port", board.tcp, "view", "--no-browser", "--port", "0"]
+    with child(command) as view:
+        assert view.stdout is not None
+        assert "the view is at http://" in view.stdout.readline()
+        view.send_signal(number)
+        _, err = view.communicate(timeout=20)
+    assert view.returncode == 130, err
+    assert "Traceback" not in err
 
 
 def test_two_hosts_on_one_tcp_port_get_a_clear_answer(board: ServedBoard) -> None:
@@ -104,12 +137,12 @@ def test_two_hosts_on_one_serial_port_get_a_clear_answer(board: ServedBoard) -> 
 def test_unplugging_while_running_is_said_with_what_the_robot_does_now(
     board: ServedBoard, tmp_path: Path, kind: str
 ) -> None:
-    run = start_run(board.tcp if kind == "tcp" else board.pty, tmp_path / "set")
-    wait_until_it_says(run, "floor:")
-    time.sleep(1.3)
-    board.kill()
-    began = time.monotonic()
-    _, err = run.communicate(timeout=20)
+    with running(board.tcp if kind == "tcp" else board.pty, tmp_path / "set") as run:
+        wait_until_it_says(run, "seq_start")
+        time.sleep(1.3)
+        board.kill()
+        began = time.monotonic()
+        _, err = run.communicate(timeout=20)
     assert time.monotonic() - began < 10
     assert run.returncode == 1
     assert "COULD NOT STOP THE ROBOT" in err
@@ -120,11 +153,10 @@ def test_unplugging_while_running_is_said_with_what_the_robot_does_now(
 def test_a_host_that_dies_leaves_a_sequence_to_end_by_itself_and_its_log_to_be_fetched(
     board: ServedBoard, tmp_path: Path
 ) -> None:
-    run = start_run(board.tcp, tmp_path / "set", "paper/I")
-    wait_until_it_says(run, "floor:")
-    time.sleep(1.5)
-    run.kill()
-    run.communicate(timeout=5)
+    with running(board.tcp, tmp_path / "set", "paper/I") as run:
+        wait_until_it_says(run, "seq_start")
+        time.sleep(1.5)
+        run.kill()
     time.sleep(4.5)
     fetched = subprocess.run(
         board.truing("log", "fetch", "--set", str(tmp_path / "set"), "--json"),
@@ -172,7 +204,7 @@ def test_a_download_that_is_cut_goes_on_with_the_next_command(board: ServedBoard
 
 def test_live_commands_stop_when_their_host_dies(board: ServedBoard) -> None:
     program = (
-        "import sys, time\nfrom truing.device import Device\n"
+        "import sys, time\nfrom truing.board.device import Device\n"
         "d = Device.open(sys.argv[1])\n"
         "while True:\n    d.set_effort(0.3, 0.3); print('.', flush=True); time.sleep(0.05)\n"
     )

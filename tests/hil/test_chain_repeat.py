@@ -10,15 +10,15 @@ from pathlib import Path
 import pytest
 
 from support.chain import Chain
-from truing.drive import drive
+from truing.board.drive import drive
 from truing.plan import load_plan
-from truing.recording_reader import read_recording_set
+from truing.recording.reader import read_recording_set
 
 PROGRAM = """
 import sys
 from pathlib import Path
 from support.chain import Chain
-from truing.drive import drive
+from truing.board.drive import drive
 from truing.plan import load_plan
 with Chain(Path(sys.argv[1]), seed=int(sys.argv[2])) as chain:
     device = chain.host()

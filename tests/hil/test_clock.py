@@ -15,20 +15,20 @@ from hil_sim.robot import VirtualRobotError
 from support.chain import Chain
 from support.faulty_stream import FaultyStream
 from support.image_variable import member_offset
-from truing.clock_probe import ClockProbe
-from truing.clock_relation import ClockRelation
-from truing.clock_stamp import STAMP_S, clock_stamp
-from truing.device import Device
-from truing.drive import drive
+from truing.board.device import Device
+from truing.board.drive import drive
+from truing.board.run_saver import fetch_log, run_of, save_run
+from truing.clock.probe import ClockProbe
+from truing.clock.relation import ClockRelation
+from truing.clock.stamp import STAMP_S, clock_stamp
 from truing.errors import BoardRebooted
 from truing.link.can_stream import CanStream
 from truing.link.client import Client
-from truing.link.connect import VirtualOptions
 from truing.link.virtual_stream import VirtualStream
 from truing.plan import load_plan
-from truing.recording_reader import read_run
-from truing.run_saver import fetch_log, run_of, save_run
-from truing.virtual_can import SimulatedBus, free, make_bus_of_boards
+from truing.recording.reader import read_run
+from truing.virtual.can import SimulatedBus, free, make_bus_of_boards
+from truing.virtual.options import VirtualOptions
 
 START_US = 20_000
 CASES = [(ppm, seed) for ppm in (37.0, -80.0) for seed in (1, 2, 3)]
@@ -150,7 +150,7 @@ def test_a_board_that_starts_anew_meanwhile_is_told(image: Path, native_library:
 
 
 def test_no_crystal_is_that_far_off(image: Path, native_library: Path) -> None:
-    with pytest.raises(VirtualRobotError, match="no crystal is 600 ppm off"):
+    with pytest.raises(VirtualRobotError, match="a crystal error of 600 ppm is beyond 500 ppm"):
         VirtualRobot(image, crystal_ppm=600.0)
 
 

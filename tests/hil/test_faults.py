@@ -15,7 +15,7 @@ from hil_sim import VirtualRobot
 from hil_sim.plant import RobotParameters
 from hil_sim.robot import EncoderFault, ResetCause
 from support.image_variable import member_offset
-from truing.device import Device
+from truing.board.device import Device
 from truing.errors import Refused
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -13,10 +14,12 @@ import pytest
 from hil_sim import VirtualRobot
 from hil_sim.plant import RobotParameters
 from hil_sim.robot import EncoderFault
-from truing.device import Device
-from truing.first_check import CheckResult, check_robot, fix
+from truing.board.device import Device
+from truing.board.wiring_check import CheckResult, check_robot, fix
+from truing.cli import ended_like_ctrl_c
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
+from truing_protocol import State
 
 LEFT, RIGHT = 0, 1
 Wire = Callable[[VirtualRobot], None]
@@ -131,3 +134,24 @@ def test_wrong_counts_per_revolution_are_measured(image: Path, native_library: P
         result = check(robot)
     assert names(result) == {"counts_per_rev_left", "counts_per_rev_right"}
     assert [wheel.counts for wheel in result.wheels] == pytest.approx([counts, counts], abs=2)
+
+
+def test_a_check_that_is_told_to_end_brakes_the_motor_it_turns(robot: VirtualRobot) -> None:
+    device = Device(Client(VirtualStream(robot)))
+    robot.set_encoder_fault(LEFT, EncoderFault.UNPLUGGED)
+    driven = []
+
+    def told_to_end_while_a_motor_turns(seconds: float) -> None:
+        robot.run_us(round(seconds * 1e6))
+        if device.status().effort[LEFT] > 0.08:
+            driven.append(device.status().effort)
+            signal.raise_signal(signal.SIGTERM)
+
+    device.client.stream.sleep = told_to_end_while_a_motor_turns  # type: ignore[method-assign]
+    with ended_like_ctrl_c(), pytest.raises(KeyboardInterrupt):
+        check(robot, device)
+    assert len(driven) == 1
+    status = device.status()
+    assert status.effort == (0.0, 0.0)
+    assert status.state is State.IDLE
+    assert status.latched == ()

@@ -16,7 +16,7 @@ from elftools.elf.elffile import ELFFile
 from hil_sim import VirtualRobot
 from support import fake_probe
 from support.rom_loader import RomLoader
-from truing.device import Device
+from truing.board.device import Device
 from truing.flash.image import Image, read_image
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream

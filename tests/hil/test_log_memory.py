@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hil_sim import HiddenEffects, VirtualRobot
-from hil_sim.core import CoreRobot
+from hil_sim import UnmodelledEffects, VirtualRobot
+from hil_sim.host_robot import HostRobot
 from support.paper_drives import Held, drive_paper
 from truing_protocol import LOG_RECORD_DTYPE
 
 RAW_BYTES = LOG_RECORD_DTYPE.itemsize  # a record's integers, one after the other
-SHAKEN = HiddenEffects().changed(disturbance__torque_nm=(0.01, 0.01), disturbance__correlation_s=0.2)
+SHAKEN = UnmodelledEffects().changed(disturbance__torque_nm=(0.01, 0.01), disturbance__correlation_s=0.2)
 
 
 def say(name: str, held: Held) -> None:
@@ -31,11 +31,11 @@ def test_the_papers_tests_at_20_hz_fit_for_half_an_hour_and_more(image: Path, na
 
 
 def test_a_ring_that_came_round_holds_the_newest_logs_whole(native_library: Path) -> None:
-    """The core on this machine has less memory; what it takes for a record is the same."""
-    with CoreRobot(seed=3) as robot:
-        robot.hide(SHAKEN)
+    """The host robot has less memory; the bytes per record are the same."""
+    with HostRobot(seed=3) as robot:
+        robot.set_unmodelled_effects(SHAKEN)
         held = drive_paper(robot)
-    say("core", held)
+    say("host robot", held)
     assert held.came_round
     assert held.minutes > 0.95 * held.minutes_when_full
     assert held.minutes_when_full * 128 * 1024 / held.memory >= 30

@@ -13,18 +13,18 @@ import pytest
 from hil_sim.robot import EncoderFault
 from support.chain import Chain
 from support.served_board import ServedBoard
-from truing.device import Device
-from truing.drive import drive
+from truing.board.device import Device
+from truing.board.drive import drive
+from truing.board.log_trigger import SIGNALS, most_s
+from truing.board.run_saver import FetchedLog, fetch_log, run_of, save_run
+from truing.board.signal_stream import SIGNALS as STREAMED
 from truing.errors import Refused, TruingError
 from truing.link.can_stream import CanStream
 from truing.link.client import Client
-from truing.link.connect import VirtualOptions
-from truing.log_trigger import SIGNALS, most_s
 from truing.plan import Kind, Plan, Segment
-from truing.recording_reader import read_run
-from truing.run_saver import FetchedLog, fetch_log, run_of, save_run
-from truing.signal_stream import SIGNALS as STREAMED
-from truing.virtual_can import SimulatedBus, free, make_bus_of_boards
+from truing.recording.reader import read_run
+from truing.virtual.can import SimulatedBus, free, make_bus_of_boards
+from truing.virtual.options import VirtualOptions
 from truing_protocol import LogEnd, LogTriggerState
 
 LEFT = 0

@@ -9,7 +9,7 @@ import pytest
 
 from hil_sim import EncoderFault, VirtualRobot
 from support.crawl import crawl
-from truing.device import Device
+from truing.board.device import Device
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
 from truing.plan import Kind, Plan, Segment
@@ -56,11 +56,11 @@ def test_edges_interrupt_once_a_tick_and_wheel_at_top_speed(image: Path, native_
         rate = [(now - then) / span_s for now, then in zip(device.status().counts, counts, strict=True)]
         activations = sum(b.activations - a.activations for a, b in zip(before, after, strict=True))
         cycles = sum(b.cycles - a.cycles for a, b in zip(before, after, strict=True))
-        load = cycles / robot.stats().core_hz / span_s
-        worst_us = max(b.worst_cycles for b in after) / (robot.stats().core_hz / 1e6)
+        load = cycles / robot.stats().cpu_hz / span_s
+        worst_us = max(b.worst_cycles for b in after) / (robot.stats().cpu_hz / 1e6)
         print(
             f"{rate[0]:.0f} and {rate[1]:.0f} counts/s: {activations} interrupts a second, "
-            f"{100 * load:.3f} % of the core, {worst_us:.2f} us worst"
+            f"{100 * load:.3f} % of the CPU, {worst_us:.2f} us worst"
         )
         assert min(rate) > 8000
         assert 1800 <= activations <= 2004  # the ends of the second lie anywhere in a tick

@@ -14,7 +14,7 @@ import pytest
 import truing_protocol as tp
 from hil_sim import ResetCause
 from support.store_board import BOOT_US, SLOT_SIZE, StoreBoard, generation, put_values, values_of
-from truing.device import parameter_info
+from truing.board.device import parameter_info
 from truing.errors import Refused
 from truing.link.client import Client
 from truing.link.framing import Frame, encode

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from support.chain import Chain
-from truing.drive import drive
+from truing.board.drive import drive
+from truing.board.signal_stream import SIGNALS, as_columns
 from truing.errors import BoardRebooted, Refused, TruingError
 from truing.plan import Kind, Plan, Segment
-from truing.signal_stream import SIGNALS, as_columns
 from truing_protocol import StreamStartRequest
 
 LONG = Plan(

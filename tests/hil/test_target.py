@@ -103,7 +103,7 @@ def test_without_a_crystal_it_says_so_and_works_from_the_internal_oscillator(
         client = connect(robot)
         client.stream.sleep(0.3)
         assert hello(client).clock_source == tp.ClockSource.INTERNAL_PLL
-        assert robot.stats().core_hz == 166_000_000
+        assert robot.stats().cpu_hz == 166_000_000
         active = faults_in(client.request(tp.StatusRequest()).faults_active)
         assert [fault.name for fault in active] == ["clock_fallback"]
         start(client, MIXED, 20)
@@ -158,7 +158,7 @@ def test_the_tick_leaves_nine_tenths_of_its_millisecond(robot: VirtualRobot) -> 
     start(client, MIXED, 200)
     client.stream.sleep(4.0)
     tick, serial = robot.cost(SYSTICK), robot.cost(USART3)
-    per_us = robot.stats().core_hz // 1_000_000
+    per_us = robot.stats().cpu_hz // 1_000_000
     mean = tick.cycles / tick.activations
     print(f"tick: {mean / per_us:.1f} us mean, {tick.worst_cycles / per_us:.1f} us worst")
     print(f"serial interrupt: {serial.worst_cycles / per_us:.2f} us worst")

@@ -12,7 +12,7 @@ from truing.identify.arx import fit_arx
 from truing.identify.model_error import FreeRunError, OneStepError
 from truing.identify.simulate import simulate
 from truing.model.linear import ArxModel
-from truing.recording import Run
+from truing.recording.run import Run
 
 Array = NDArray[np.float64]
 

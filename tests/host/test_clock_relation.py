@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from truing.clock_relation import ClockRelation, RoundTrip, relate
+from truing.clock.relation import ClockRelation, RoundTrip, relate
 from truing.errors import ClockError
 
 Delay = Callable[[np.random.Generator], float]

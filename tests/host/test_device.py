@@ -9,8 +9,8 @@ import pytest
 import truing_protocol as tp
 from support.fake_board import FakeBoard, FakeLine
 from support.faulty_stream import FaultyStream
-from truing.device import Device
-from truing.drive import Interrupts, drive
+from truing.board.device import Device
+from truing.board.drive import Interrupts, drive
 from truing.errors import (
     BoardFault,
     BoardRebooted,

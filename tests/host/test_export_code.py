@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from support.exported import PERIOD_S, PLAIN, RICH, drive, ours, scale
-from truing.baseline import RobotGeometry
 from truing.errors import TruingError
 from truing.exporters import exporter
 from truing.model.robot_model import RobotModel
 from truing.model.wheel import WheelPhysics
+from truing.recording.baseline import RobotGeometry
 from truing_protocol import PARAMETERS
 
 PRINTER = r"""

@@ -9,13 +9,13 @@ import pytest
 from click.testing import CliRunner
 
 from support.exported import PLAIN, RICH
-from truing.baseline import read_baseline
 from truing.cli import group
 from truing.cli.export import KINDS
 from truing.errors import BaselineError, TruingError
 from truing.exporters import ExportOptions, exporter, exporters, notes, read_model
 from truing.exporters.terms import EVERYTHING
 from truing.model.robot_model import RobotModel
+from truing.recording.baseline import read_baseline
 
 BASELINE = """
 [robot]

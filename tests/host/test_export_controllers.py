@@ -11,9 +11,9 @@ import pytest
 import yaml
 
 from support.exported import GEOMETRY, PLAIN, drive, ours, scale
-from truing.baseline import RobotGeometry
 from truing.errors import TruingError
 from truing.exporters import ExportOptions, exporter
+from truing.recording.baseline import RobotGeometry
 
 
 def test_wpilib_gains_move_as_our_own_model(tmp_path: Path) -> None:

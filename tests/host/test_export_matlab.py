@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.io
-import scipy.signal
+import scipy
 
 from support.exported import PERIOD_S, PLAIN, RICH, drive, ours, scale
 from truing.exporters import ExportOptions, exporter, notes

@@ -5,16 +5,18 @@ from __future__ import annotations
 import shutil
 import subprocess
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 import pytest
-import yourdfpy
 
 from support.exported import GEOMETRY, PERIOD_S, PLAIN, RICH, drive, ours, scale
 from truing.exporters import ExportOptions, exporter
 from truing.exporters.joint import joints
 from truing.model.robot_model import RobotModel
+
+if TYPE_CHECKING:
+    from mujoco import MjModel
 
 # What integration may cost: an implicit step of h errs by h / (2 e tau) of a speed step at worst, 1 in 2000
 # at h = tau / 400; friction whose constraint acts within 2 h adds as much again at each stop.
@@ -22,8 +24,10 @@ TOLERANCE = 1e-3
 STEP_S = 5e-4
 
 
-def moved(model: mujoco.MjModel, torques: np.ndarray | None = None) -> np.ndarray:
+def moved(model: MjModel, torques: np.ndarray | None = None) -> np.ndarray:
     """Rim speeds at the rows of `drive`, shape (2, n), under controls, or under torques at full effort."""
+    import mujoco
+
     t, efforts = drive()
     data = mujoco.MjData(model)
     steps = round(PERIOD_S / model.opt.timestep)
@@ -44,6 +48,8 @@ def moved(model: mujoco.MjModel, torques: np.ndarray | None = None) -> np.ndarra
 def test_a_wheel_in_mujoco_moves_as_ours_with_its_friction_and_delay(
     tmp_path: Path, model: RobotModel
 ) -> None:
+    import mujoco
+
     path = tmp_path / "robot.xml"
     mjcf = exporter("mjcf")
     mjcf.write(model, path)
@@ -53,6 +59,8 @@ def test_a_wheel_in_mujoco_moves_as_ours_with_its_friction_and_delay(
 
 
 def test_a_wheel_in_mujoco_holds_against_efforts_below_its_friction(tmp_path: Path) -> None:
+    import mujoco
+
     path = tmp_path / "robot.xml"
     exporter("mjcf").write(PLAIN, path)
     model = mujoco.MjModel.from_xml_path(str(path))
@@ -65,6 +73,8 @@ def test_a_wheel_in_mujoco_holds_against_efforts_below_its_friction(tmp_path: Pa
 
 
 def test_the_inertia_is_a_free_choice_that_changes_no_motion(tmp_path: Path) -> None:
+    import mujoco
+
     speeds = []
     for inertia in (1e-3, 0.1):
         path = tmp_path / f"{inertia}.xml"
@@ -74,6 +84,8 @@ def test_the_inertia_is_a_free_choice_that_changes_no_motion(tmp_path: Path) -> 
 
 
 def test_a_urdf_in_mujoco_moves_as_ours_without_the_delay_that_it_cannot_hold(tmp_path: Path) -> None:
+    import mujoco
+
     path = tmp_path / "robot.urdf"
     urdf = exporter("urdf")
     urdf.write(PLAIN, path)
@@ -83,8 +95,10 @@ def test_a_urdf_in_mujoco_moves_as_ours_without_the_delay_that_it_cannot_hold(tm
     assert error.max() < TOLERANCE * scale(PLAIN)
 
 
-def stiffened(model: mujoco.MjModel) -> mujoco.MjModel:
+def stiffened(model: MjModel) -> MjModel:
     """URDF and SDF know no solver settings: those of the exported MJCF."""
+    import mujoco
+
     model.opt.timestep, model.opt.integrator = STEP_S, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     model.dof_solref[:] = 2.0 * STEP_S, 1.0
     model.dof_solimp[:] = 0.9999, 0.9999, 0.001, 0.5, 2.0
@@ -92,6 +106,8 @@ def stiffened(model: mujoco.MjModel) -> mujoco.MjModel:
 
 
 def test_a_urdf_parser_reads_joints_limits_and_dynamics(tmp_path: Path) -> None:
+    import yourdfpy
+
     path = tmp_path / "robot.urdf"
     exporter("urdf").write(PLAIN, path)
     robot = yourdfpy.URDF.load(str(path), build_scene_graph=False, load_meshes=False)
@@ -161,6 +177,8 @@ def sdf_reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_gazebos_own_parser_reads_the_joints_and_they_move_as_ours(tmp_path: Path, sdf_reader: Path) -> None:
+    import mujoco
+
     path = tmp_path / "robot.sdf"
     sdf = exporter("sdf")
     sdf.write(PLAIN, path)

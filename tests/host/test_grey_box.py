@@ -14,7 +14,7 @@ from truing.identify.grey_box import fit_wheel
 from truing.identify.model_error import FreeRunError, OneStepError
 from truing.identify.signals import wheel_signal
 from truing.identify.simulate import simulate
-from truing.recording import Run
+from truing.recording.run import Run
 
 TRUTH = Truth(gain=1.45, tau=0.32, delay=0.043, friction=0.04, breakaway=0.04, disturbance=0.008)
 KNOWN = {"gain_mps": 1.45, "time_constant_s": 0.32, "delay_s": 0.043, "friction": 0.04}

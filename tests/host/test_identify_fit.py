@@ -10,7 +10,7 @@ import pytest
 from support.first_order_robot import BASELINE, TEST_XI, FirstOrderRobot
 from truing.identify.first_order import FirstOrderFit, WheelData, fit_first_order
 from truing.identify.uncertainty import fit_noise
-from truing.recording import Run
+from truing.recording.run import Run
 
 
 def inside(value: float, interval: tuple[float, float] | None) -> bool:

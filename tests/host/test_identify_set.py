@@ -19,9 +19,9 @@ from truing.errors import FileError, TruingError
 from truing.identify.data_checks import check_set, summarise
 from truing.identify.identification import Identification, identify_set
 from truing.identify.tables import fits_csv, result_tables, steps_csv, unstepped
-from truing.recording import RecordingSet, Run
-from truing.recording_reader import read_recording_set
-from truing.recording_writer import write_run
+from truing.recording.reader import read_recording_set
+from truing.recording.run import RecordingSet, Run
+from truing.recording.writer import write_run
 
 ONE_LEVEL = ((1.0, 0.0), (3.0, 0.30), (2.0, 0.0))
 RAMP = tuple((0.05, 0.002 * k) for k in range(200))

@@ -11,7 +11,7 @@ import pytest
 from support.first_order_robot import BASELINE, TEST_XI, FirstOrderRobot
 from truing.identify.levels import find_levels
 from truing.identify.step_metrics import StepMetrics, step_metrics
-from truing.recording import Run
+from truing.recording.run import Run
 
 STEP_TIMES = [1.0, 3.0, 5.0, 7.0]
 ONE_LEVEL = ((1.0, 0.0), (2.0, 0.30), (2.0, 0.0))

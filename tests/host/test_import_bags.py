@@ -10,11 +10,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mcap.writer import Writer as McapWriter
-from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import StoragePlugin
-from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_typestore
 
 from truing.errors import RecordingError
 from truing.importers import ImportOptions, import_file, is_foreign
@@ -30,6 +25,11 @@ Write = Callable[[str, str, int, Any], None]
 @contextmanager
 def bag(folder: Path, kind: str) -> Iterator[tuple[Path, Any, Write]]:
     """An open bag: its path, its message types, and how to write a message."""
+    from rosbags.rosbag1 import Writer as Writer1
+    from rosbags.rosbag2 import StoragePlugin
+    from rosbags.rosbag2 import Writer as Writer2
+    from rosbags.typesys import Stores, get_typestore
+
     store = get_typestore(Stores.ROS1_NOETIC if kind == "ros1" else Stores.ROS2_HUMBLE)
     path = folder / ("drive.bag" if kind == "ros1" else "drive")
     plugin = StoragePlugin.MCAP if kind == "mcap" else StoragePlugin.SQLITE3
@@ -188,8 +188,10 @@ vel_right_mps = { column = "/wheels.right.speed", scale = 1e-3 }
 
 
 def write_json_mcap(path: Path, mapping: str = MCAP_MAPPING) -> Path:
+    from mcap.writer import Writer
+
     with path.open("wb") as stream:
-        writer = McapWriter(stream)
+        writer = Writer(stream)
         writer.start()
         schema = writer.register_schema("wheels", "jsonschema", b"{}")
         ids = {

@@ -11,7 +11,7 @@ from support.foreign_files import GAIN, TAU, drives, sysid_rows, write_sysid, wr
 from truing.cli import group
 from truing.errors import OutputError
 from truing.importers import read_runs
-from truing.recording_reader import read_recording_set
+from truing.recording.reader import read_recording_set
 
 
 def test_several_files_become_one_set_in_their_order(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from truing.importers import Imported, ImportOptions, import_file
-from truing.recording_reader import read_recording_set
+from truing.recording.reader import read_recording_set
 
 pytestmark = pytest.mark.recordings
 

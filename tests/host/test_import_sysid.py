@@ -1,4 +1,4 @@
-"""WPILib SysId and frc-characterization files become runs of the contract."""
+"""WPILib SysId and frc-characterization files become runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables of any program become runs through a mapping file; MATLAB files also by the contract's own names."""
+"""Tables of any program become runs through a mapping file; MATLAB files also by a run's own column names."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.io
+import scipy
 
 from support.foreign_files import drive, drives
 from truing.errors import FileError, RecordingError
@@ -82,7 +82,7 @@ def test_a_file_of_our_own_form_is_not_foreign(tmp_path: Path) -> None:
     [
         ("", "has no [columns] table"),
         ("[columns", "cannot be read as a mapping"),
-        ('[columns]\nspeed = "a"', "speed: the contract has no such column"),
+        ('[columns]\nspeed = "a"', "speed: a run has no such column"),
         ('[columns]\nt_s = "ms"', "lacks effort_left, effort_right, one of the pairs"),
         (MAPPING.replace('"pwm"', '"PWM"'), "column 'PWM': log.mapping.toml takes effort_left from"),
         (MAPPING.replace("scale = 1e-3", "factor = 1e-3"), "t_s: unknown key 'factor'"),
@@ -122,7 +122,7 @@ def test_a_table_without_rows_or_with_too_few_is_refused(tmp_path: Path) -> None
             import_file(place(tmp_path, table(rows)))
 
 
-def test_a_mat_file_with_the_contracts_names_needs_no_mapping(tmp_path: Path) -> None:
+def test_a_mat_file_with_a_runs_column_names_needs_no_mapping(tmp_path: Path) -> None:
     truth = drive("fast-forward")
     path = tmp_path / "step.mat"
     effort = truth.volts / 12.0

@@ -10,8 +10,8 @@ from types import SimpleNamespace
 import pytest
 import serial.tools.list_ports
 
+from truing.board.connect import list_ports, open_stream
 from truing.errors import LinkClosed, LinkTimeout, PortError
-from truing.link.connect import list_ports, open_stream
 from truing.link.tcp_stream import TcpStream
 
 

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 
 import truing_protocol as tp
 from support.fake_log import code_log, drive_records
-from truing import log_decode
-from truing.log_columns import run_from_records
-from truing.log_decode import decode_log
+from truing.log import decode as log_decode
+from truing.log.columns import run_from_records
+from truing.log.decode import decode_log
 
 NAMES = tp.LOG_RECORD_DTYPE.names
 assert NAMES is not None

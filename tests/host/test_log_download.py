@@ -9,11 +9,11 @@ import pytest
 from support.fake_board import FakeBoard, FakeLine
 from support.fake_log import board_with_log
 from support.faulty_stream import FaultyStream
-from truing.device import Device
+from truing.board.device import Device
+from truing.board.run_saver import fetch_log, other_boots
 from truing.errors import BoardRebooted, Interrupted, LinkClosed, LinkTimeout, LogError, Refused
 from truing.link.client import Client
-from truing.partial_file import LogIdentity, PartialFile, Spans, read_identity
-from truing.run_saver import fetch_log, other_boots
+from truing.log.partial_file import LogIdentity, PartialFile, Spans, read_identity
 
 
 def device_on(board: FakeBoard, **faults: float | int) -> Device:
@@ -167,11 +167,9 @@ def test_an_interrupted_download_keeps_what_has_arrived_and_says_how_to_go_on(
     monkeypatch.setenv("TRUING_ROOT", str(tmp_path))
     board = board_with_log(1000)
     device = Device(Client(RealLine(board)))
-    device.client.interrupted = lambda: len(board.reads) > 5
-    with pytest.raises(Interrupted) as caught:
+    with device.client.interrupted_by(lambda: len(board.reads) > 5), pytest.raises(Interrupted) as caught:
         fetch_log(device)
     assert "truing log fetch 4` goes on" in caught.value.next_step
-    device.client.interrupted = lambda: False
     fetched = fetch_log(device)
     assert fetched.data == board.logs[0].data
     assert fetched.report.resumed_bytes > 1000
@@ -188,8 +186,7 @@ def test_what_is_left_of_a_download_from_an_earlier_start_is_found_and_named(
     monkeypatch.setenv("TRUING_ROOT", str(tmp_path))
     board = board_with_log(1000)
     device = Device(Client(RealLine(board)))
-    device.client.interrupted = lambda: len(board.reads) > 5
-    with pytest.raises(Interrupted):
+    with device.client.interrupted_by(lambda: len(board.reads) > 5), pytest.raises(Interrupted):
         fetch_log(device)
     board.boot_id += 1
     stale = other_boots(Device(Client(RealLine(board))))

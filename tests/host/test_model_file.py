@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from truing.baseline import RobotGeometry, read_baseline
 from truing.errors import BaselineError
 from truing.model.robot_model import RobotModel, parse_robot_model, read_robot_model
 from truing.model.wheel import WheelPhysics
+from truing.recording.baseline import RobotGeometry, read_baseline
 
 MODEL = RobotModel(
     WheelPhysics(1.4512345678901234, 1.0 / 3.0, delay_s=0.0431, friction=0.041, reverse_gain=0.97),

@@ -10,9 +10,9 @@ import pytest
 from support.first_order_robot import BASELINE, TEST_XI, FirstOrderRobot
 from truing.identify.identification import identify_set
 from truing.identify.tables import shape_table
-from truing.overlays import overlay_figure, overlays, save_overlay
-from truing.pictures import save_table
-from truing.recording import RecordingSet
+from truing.recording.run import RecordingSet
+from truing.report.overlays import overlay_figure, overlays, save_overlay
+from truing.report.png import save_table
 
 ROBOT = FirstOrderRobot(gain_mps=1.40, time_constant_s=0.2)
 

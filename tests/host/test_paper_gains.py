@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from truing.paper_gains import (
+from truing.studies.bakirci_gains import (
     LADDER,
     OWN_CURRENT,
     GainStudy,

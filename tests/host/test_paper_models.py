@@ -12,7 +12,8 @@ from support.cli import truing
 from support.first_order_robot import BASELINE, TEST_XI, FirstOrderRobot
 from truing.errors import IdentifyError
 from truing.model.linear import StateSpaceModel
-from truing.paper_models import (
+from truing.recording.run import RecordingSet
+from truing.studies.bakirci_models import (
     PRINTED_39,
     PRINTED_40,
     ModelStudy,
@@ -21,7 +22,6 @@ from truing.paper_models import (
     rise_time_s,
     study_models,
 )
-from truing.recording import RecordingSet
 
 
 def test_forty_cannot_be_right_it_repeats_the_matrices_of_thirty_nine() -> None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from truing.paper_mom import (
+from truing.studies.mom_odometry import (
     DESIRED,
     PAPER_MODEL,
     PRINTED_MODEL,

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from support.fake_board import FakeBoard, FakeLine
-from truing.device import Device
+from truing.board.device import Device
+from truing.board.parameter_file import read_parameter_file, same_on_the_board, write_parameter_file
 from truing.errors import OutputError, ParameterFileError
 from truing.link.client import Client
-from truing.parameter_file import read_parameter_file, same_on_the_board, write_parameter_file
 
 
 def device_on(board: FakeBoard) -> Device:

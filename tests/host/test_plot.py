@@ -13,15 +13,15 @@ import pytest
 from click.testing import CliRunner
 
 from support.first_order_robot import BASELINE, TEST_XI, WHEELBASE_M, FirstOrderRobot
-from truing.baseline import Baseline
 from truing.cli import group
 from truing.identify.identification import identify_set
-from truing.plot import path_window, render_png
-from truing.recording import RecordingSet, Run, RunMetadata
-from truing.recording_writer import write_run
-from truing.report import render_report, whole_fits
-from truing.report_figures import MOST_POINTS, run_figures, thin
-from truing.run_view import integrate_path, view_run
+from truing.recording.baseline import Baseline
+from truing.recording.run import RecordingSet, Run, RunMetadata
+from truing.recording.writer import write_run
+from truing.report.figures import MOST_POINTS, run_figures, thin
+from truing.report.plot import path_window, render_png
+from truing.report.run_page import render_report, whole_fits
+from truing.report.run_view import integrate_path, view_run
 
 PNG_MARK = b"\x89PNG\r\n\x1a\n"
 METADATA = RunMetadata(

@@ -13,8 +13,8 @@ import pytest
 
 from truing.identify.grey_box import WheelFit, fit_wheel
 from truing.identify.model_ladder import fit_models
-from truing.recording import Wheel
-from truing.recording_reader import read_recording_set
+from truing.recording.reader import read_recording_set
+from truing.recording.run import Wheel
 
 pytestmark = pytest.mark.recordings
 

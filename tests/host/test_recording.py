@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from support.first_order_robot import BASELINE, COUNTS_PER_REV, RADIUS_M, TEST_XI, FirstOrderRobot
-from truing.baseline import read_baseline
 from truing.errors import BaselineError, FileError, IdentifyError, OutputError, RecordingError, TruingError
-from truing.recording import Run, RunMetadata
-from truing.recording_reader import read_recording_set, read_run
-from truing.recording_writer import next_run_path, replace_file, write_run
+from truing.recording.baseline import read_baseline
+from truing.recording.reader import read_recording_set, read_run
+from truing.recording.run import Run, RunMetadata
+from truing.recording.writer import next_run_path, replace_file, write_run
 
 HEADER = "t_s,effort_left,effort_right,vel_left_mps,vel_right_mps"
 MODEL = """[robot]

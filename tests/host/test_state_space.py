@@ -11,7 +11,7 @@ from truing.errors import IdentifyError
 from truing.identify.simulate import simulate
 from truing.identify.state_space import fit_state_space
 from truing.model.linear import StateSpaceModel
-from truing.recording import Run
+from truing.recording.run import Run
 
 Array = NDArray[np.float64]
 

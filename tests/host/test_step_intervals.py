@@ -7,12 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+import scipy
 
 from truing.identify.quantity import Quantity
 from truing.identify.step_metrics import StepMetrics, step_metrics
 from truing.identify.step_noise import window_noise
-from truing.recording import FloatArray, Run
+from truing.recording.run import FloatArray, Run
 
 INTERVAL_S = 0.05
 LEVELS = (0.0, 0.35, 0.5, 0.45, 0.0)
@@ -57,7 +57,8 @@ def made_run(noise: Noise, seed: int, *, dead_s: float = 0.0, swing: float = 0.0
             bump = np.where((after > 0.85) & (after < 1.0), 1.0, 0.0)
             speed += swing * GAIN_MPS * (level - before) * bump
     shocks = rng.normal(0.0, noise.sigma_mps * np.sqrt(1 - noise.memory**2), len(t) + 200)
-    speed = speed + np.where(speed > 1e-3, lfilter([1.0], [1.0, -noise.memory], shocks)[200:], 0.0)
+    slow = scipy.signal.lfilter([1.0], [1.0, -noise.memory], shocks)[200:]
+    speed = speed + np.where(speed > 1e-3, slow, 0.0)
     if noise.count_m:
         counts = np.floor(np.cumsum(speed * INTERVAL_S) / noise.count_m + rng.uniform())
         speed = np.diff(counts, prepend=counts[0]) * noise.count_m / INTERVAL_S
@@ -154,7 +155,7 @@ def test_noise_that_remembers_widens_the_interval_of_a_mean() -> None:
     deviations = []
     for memory in (0.0, 0.8):
         windows = [
-            lfilter([1.0], [1.0, -memory], rng.normal(0.0, np.sqrt(1 - memory**2), 216))[200:]
+            scipy.signal.lfilter([1.0], [1.0, -memory], rng.normal(0.0, np.sqrt(1 - memory**2), 216))[200:]
             for _ in range(400)
         ]
         noises = [noise for noise in window_noise(windows) if noise is not None]
@@ -167,7 +168,8 @@ def test_noise_that_remembers_widens_the_interval_of_a_mean() -> None:
 
 def test_a_window_of_a_thousand_rows_is_as_quick_and_as_honest() -> None:
     rng = np.random.default_rng(4)
-    windows = [lfilter([1.0], [1.0, -0.9], rng.normal(0.0, np.sqrt(0.19), 1200))[200:] for _ in range(20)]
+    shocks = [rng.normal(0.0, np.sqrt(0.19), 1200) for _ in range(20)]
+    windows = [scipy.signal.lfilter([1.0], [1.0, -0.9], row)[200:] for row in shocks]
     means = np.array([window.mean() for window in windows])
     halves = np.array([noise.quantile * noise.mean_deviation for noise in window_noise(windows) if noise])
     assert len(halves) == 20

@@ -35,7 +35,7 @@ ROUGH_RIDE = (
 
 @dataclass(frozen=True)
 class Load:
-    """Shares of the core's time, 0 to 1."""
+    """Shares of the CPU's time, 0 to 1."""
 
     ticks: float
     awake: float
@@ -59,7 +59,7 @@ class Costs:
     bus_share: float
     handlers: dict[int, ExceptionCost]
     stack: int
-    core_hz: int
+    cpu_hz: int
 
 
 class CanLoad:
@@ -172,5 +172,5 @@ def measure(image: Path) -> Costs:
             bus_share,
             {n: cost for n, cost in robot.costs().items() if n},
             _stack_seen(robot),
-            robot.stats().core_hz,
+            robot.stats().cpu_hz,
         )

@@ -6,12 +6,12 @@ from pathlib import Path
 
 from hil_sim import VirtualRobot
 from support.chain import Chain
-from truing.device import Device
+from truing.board.device import Device
 from truing.link.can_stream import CanStream
 from truing.link.client import Client
-from truing.link.connect import VirtualOptions
 from truing.link.virtual_stream import VirtualStream
-from truing.virtual_can import SimulatedBus, free, make_bus_of_boards
+from truing.virtual.can import SimulatedBus, free, make_bus_of_boards
+from truing.virtual.options import VirtualOptions
 
 START_US = 20_000
 

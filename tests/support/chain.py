@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hil_sim import VirtualRobot
 from support.faulty_stream import FaultyStream
-from truing.device import Device
+from truing.board.device import Device
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
 from truing_protocol import LOG_CELL_SIZE

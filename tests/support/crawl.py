@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from hil_sim import VirtualRobot
 from hil_sim.plant import RobotParameters
-from truing.device import Device
+from truing.board.device import Device
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
 from truing.plan import Kind, Plan, Segment

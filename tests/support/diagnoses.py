@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from support.recorded_sets import recordings
+from truing.diagnose.data.traces import RunTraces
 from truing.diagnose.result import (
     Check,
     Diagnosis,
@@ -20,7 +21,6 @@ from truing.diagnose.result import (
     Split,
     WheelNumbers,
 )
-from truing.diagnose.traces import RunTraces
 from truing.plan import Kind, Plan, Segment
 
 NOISE_MPS = 0.011
@@ -126,7 +126,7 @@ def missing_physics(**changes: object) -> Diagnosis:
         not_exercised=("current_limit",),
         confidence=0.98,
         notes=("supply sag and winding heating cannot be told apart here",),
-        checks=(Check("few_runs", "one run only", "doubt", "Record at least four runs"),),
+        checks=(Check("few_runs", "one run only", "warning", "Record at least four runs"),),
         ranking=(
             RankedEffect(("coulomb_friction",), 120.0, 96.0, True, 0.012, 2),
             RankedEffect(("driver_deadband",), 110.0, 60.0, True, 0.02, 1),
@@ -173,6 +173,10 @@ def consistent() -> Diagnosis:
     return missing_physics(
         verdict="consistent", effects=(), mismatch=(), checks=(), notes=(), numbers=numbers(1.45), ranking=()
     )
+
+
+def partly_explained() -> Diagnosis:
+    return missing_physics(verdict="partly_explained", left_over_share=0.2)
 
 
 def unexplained() -> Diagnosis:

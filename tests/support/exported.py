@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from truing.baseline import RobotGeometry
 from truing.exporters.terms import without
 from truing.model.excitation import excitation
 from truing.model.robot_model import RobotModel
 from truing.model.wheel import WheelPhysics, simulate_physics
+from truing.recording.baseline import RobotGeometry
 
 GEOMETRY = RobotGeometry("stingray", 0.0635, 0.283, 2400.0)
 PLAIN = RobotModel(

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
-from truing.baseline import Baseline, RobotGeometry, WheelModel
-from truing.recording import Run
+from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
+from truing.recording.run import Run
 
 STEP_S = 0.001
 RADIUS_M = 0.0635
@@ -90,7 +90,7 @@ class FirstOrderRobot:
         """Exact travel (m) after every step, with a leading zero."""
         driven = gain * (effort + self._disturbance(effort.size, rng))
         decay = np.exp(-STEP_S / self.time_constant_s)
-        after = lfilter([1.0 - decay], [1.0, -decay], driven)
+        after = scipy.signal.lfilter([1.0 - decay], [1.0, -decay], driven)
         before = np.concatenate(([0.0], after[:-1]))
         # Over a step the speed goes from `before` towards `driven`; this is its exact integral.
         gone = driven * STEP_S + (before - driven) * (1.0 - decay) * self.time_constant_s
@@ -102,7 +102,7 @@ class FirstOrderRobot:
         keep = np.exp(-STEP_S / self.disturbance_memory_s)
         shocks = rng.normal(0.0, self.disturbance * np.sqrt(1.0 - keep**2), n)
         shocks[0] = rng.normal(0.0, self.disturbance)
-        return np.asarray(lfilter([1.0], [1.0, -keep], shocks))
+        return np.asarray(scipy.signal.lfilter([1.0], [1.0, -keep], shocks))
 
     @staticmethod
     def _columns(

@@ -6,10 +6,10 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
-from truing.device import Device
+from truing.board.device import Device
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
-from truing.log_decode import decode_log
+from truing.log.decode import decode_log
 from truing.plan import Kind, built_in_names, load_plan
 
 RATE_HZ = 20
@@ -41,7 +41,7 @@ def drive_paper(robot: Any, rounds: int | None = None) -> Held:
 
     Parameters
     ----------
-    robot : just switched on; a virtual robot on the flashed image, or on the core alone.
+    robot : just switched on; a virtual robot with the flashed image, or a host robot.
     """
     plans = [load_plan(name) for name in built_in_names() if name.startswith("paper/")]
     assert len(plans) == 17

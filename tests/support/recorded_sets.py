@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from truing.baseline import Baseline, RobotGeometry, WheelModel
-from truing.recording import RecordingSet, Run
+from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
+from truing.recording.run import RecordingSet, Run
 
 GAIN_MPS, TAU_S, RATE_HZ = 1.45, 0.35, 20.0
 RADIUS_M, WHEELBASE_M, COUNTS = 0.0635, 0.283, 2400.0
@@ -83,7 +83,7 @@ def recordings(count: int = 4, change: Change | None = None, *, geometry: bool =
 
 
 def write_set(folder: Path, count: int = 4, change: Change | None = None, model: str = BASELINE_TOML) -> Path:
-    """The same on disk, as the contract has it."""
+    """The same on disk (docs/DATA_FORMAT.md, section 1)."""
     (folder / "runs").mkdir(parents=True)
     (folder / "baseline.toml").write_text(model)
     for run in recordings(count, change):

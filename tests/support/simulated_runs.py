@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from truing.baseline import Baseline, RobotGeometry, WheelModel
-from truing.diagnose.data import SetData, set_data
+from truing.diagnose.data.set_data import SetData, set_data
 from truing.diagnose.simulation.simulator import SetSimulator
-from truing.recording import RecordingSet, Run
+from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
+from truing.recording.run import RecordingSet, Run
 
 Array = NDArray[np.float64]
 RADIUS, WHEELBASE, RATE = 0.0635, 0.283, 20.0

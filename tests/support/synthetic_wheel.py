@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from truing.baseline import Baseline, RobotGeometry, WheelModel
-from truing.recording import Run
+from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
+from truing.recording.run import Run
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,9 @@ import pytest
 from truing.trial.campaign import score
 from truing.trial.concealed import Asked, run_concealed
 from truing.trial.score import Score
+from truing.trial.spec import PLAN_NAMES
 
-PLANS = tuple(f"diagnosis/{number:02d}" for number in (1, 3, 5, 8))
+PLANS = tuple(PLAN_NAMES[index] for index in (0, 2, 4, 7))
 
 
 def trial(effect: str, seed: int, folder: Path) -> Score:

@@ -9,15 +9,16 @@ from typing import Any
 import pytest
 
 from truing.diagnose.result import Diagnosis, FitErrors, NamedEffect, NextExperiment
+from truing.errors import BrokenSealError
 from truing.plan import load_plan
-from truing.recording_reader import read_recording_set
+from truing.recording.reader import read_recording_set
 from truing.trial.concealed import Asked, run_concealed
 from truing.trial.effects import CATALOGUE, OUTSIDE
 from truing.trial.figures import bounds
 from truing.trial.order import tasks
 from truing.trial.score import judge, judge_method
-from truing.trial.seal import BrokenSealError, open_seal, seal
-from truing.trial.spec import draw_trial, with_strengths
+from truing.trial.seal import open_seal, seal
+from truing.trial.spec import PLAN_NAMES, draw_trial, with_strengths
 
 CATALOGUE_SIZE = 27
 
@@ -60,7 +61,11 @@ def test_the_seal_is_shown_before_the_recordings_and_opened_after_the_verdict(
         return diagnosed("missing_physics", "input_delay")
 
     asked = Asked(
-        "input_delay", 3, plans=("diagnosis/02", "diagnosis/03"), core=True, judged=tmp_path / "judged"
+        "input_delay",
+        3,
+        plans=("diagnosis/reversals", "diagnosis/slow_ramps"),
+        core=True,
+        judged=tmp_path / "judged",
     )
     result = run_concealed(asked, tmp_path / "set", tell=heard.append, diagnose=look)
     assert heard == [result.sha256, "diagnosed"]
@@ -72,7 +77,7 @@ def test_the_seal_is_shown_before_the_recordings_and_opened_after_the_verdict(
 def test_a_doubt_gets_the_runs_that_it_proposes_from_the_same_robot(
     tmp_path: Path, native_library: Path
 ) -> None:
-    plan = load_plan("diagnosis/04")
+    plan = load_plan("diagnosis/coast_downs")
     seen: list[int] = []
 
     def look(folder: Path, baseline: Path) -> Diagnosis:
@@ -80,7 +85,7 @@ def test_a_doubt_gets_the_runs_that_it_proposes_from_the_same_robot(
         doubt = NextExperiment(plan, (("input_delay",), ("driver_lag",)), 5.0, "")
         return replace(diagnosed("ambiguous", "input_delay", "driver_lag"), next_experiment=doubt)
 
-    asked = Asked("input_delay", 3, plans=("diagnosis/02",), core=True, more_runs=2)
+    asked = Asked("input_delay", 3, plans=("diagnosis/reversals",), core=True, more_runs=2)
     result = run_concealed(asked, tmp_path, diagnose=look)
     assert seen == [1, 2, 3]
     assert len(result.more) == 2
@@ -138,5 +143,5 @@ def test_the_last_block_shares_no_seed_with_any_campaign() -> None:
 
 
 def test_the_diagnosis_plans_are_thirteen_runs_of_about_fifteen_seconds() -> None:
-    plans = [load_plan(f"diagnosis/{number:02d}") for number in range(1, 14)]
+    plans = [load_plan(name) for name in PLAN_NAMES]
     assert all(13.0 <= plan.duration_s <= 17.0 for plan in plans)

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
-from playwright.sync_api import Browser, Page, sync_playwright
 
-from web.browser_bench import Bench, Problems, open_page
+from web.browser_rig import Problems, Rig, open_page
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory, image: Path, native_library: Path) -> Iterator[Bench]:
-    made = Bench(tmp_path_factory.mktemp("view"))
+def rig(tmp_path_factory: pytest.TempPathFactory, image: Path, native_library: Path) -> Iterator[Rig]:
+    made = Rig(tmp_path_factory.mktemp("view"))
     yield made
     made.close()
 
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
+    from playwright.sync_api import sync_playwright
+
     with sync_playwright() as playwright:
         found = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
         yield found
@@ -32,8 +37,8 @@ def problems() -> Problems:
 
 
 @pytest.fixture
-def page(browser: Browser, bench: Bench, problems: Problems) -> Iterator[Page]:
-    made = open_page(browser, bench, problems)
+def page(browser: Browser, rig: Rig, problems: Problems) -> Iterator[Page]:
+    made = open_page(browser, rig, problems)
     yield made
     made.close()
     assert not problems

@@ -1,4 +1,4 @@
-"""A picture of every page at both widths, with runs to look at and the robot driving: for people to judge."""
+"""A picture of every page at both widths, with runs to look at and the robot driving: for review."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 from playwright.sync_api import Page, sync_playwright
 
-from web.made_runs import VERDICT
+from web.synthetic_runs import VERDICT
 from web.view_process import ViewProcess
 
 SIZES = {"wide": (1280, 720), "narrow": (390, 844)}
@@ -57,11 +57,11 @@ def main(folder: Path) -> None:
 
 
 def _runs(out: Path) -> None:
-    """Drive a plan on a virtual board, and lay a diagnosis beside it."""
-    from truing.link.connect import VirtualOptions
+    """Drive a plan on a virtual board, and add a diagnosis of it."""
     from truing.plan import load_plan
-    from truing.web.board_worker import RunOrder
+    from truing.virtual.options import VirtualOptions
     from truing.web.session import ViewOptions, ViewSession
+    from truing.web.worker.state import RunRequest
 
     if (out / "recordings/square/runs").is_dir():
         return
@@ -72,7 +72,9 @@ def _runs(out: Path) -> None:
     try:
         _until(lambda: session.worker.snapshot.link == "connected")
         for file in (out / "square.toml", "paper/XI", "paper/XVII"):
-            session.worker.run_plan(RunOrder(load_plan(str(file)), session.run_folder, Path(str(file)).stem))
+            session.worker.run_plan(
+                RunRequest(load_plan(str(file)), session.run_folder, Path(str(file)).stem)
+            )
             _until(lambda: session.worker.snapshot.task is not None and session.worker.snapshot.task.is_over)
             task = session.worker.snapshot.task
             if task is None or task.stage != "done":
@@ -87,7 +89,7 @@ def _until(condition: Callable[[], bool], seconds: float = 120.0) -> None:
     end = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > end:
-            raise TimeoutError("the virtual board does not get on")
+            raise TimeoutError("the virtual board does not finish")
         time.sleep(0.1)
 
 
@@ -109,12 +111,12 @@ def _square(page: Page) -> None:
 
 
 def _compare(page: Page) -> None:
-    page.get_by_role("button", name="The paper's", exact=True).click()
+    page.get_by_role("button", name="MOM paper", exact=True).click()
     _square(page)
 
 
 def _models(page: Page) -> None:
-    page.get_by_role("button", name="Found", exact=True).click()
+    page.get_by_role("button", name="Diagnosed", exact=True).click()
     page.get_by_label("Diagnosis", exact=True).select_option(label="square")
     _square(page)
 

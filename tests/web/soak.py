@@ -16,17 +16,20 @@ import tempfile
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import numpy as np
-from playwright.sync_api import Page, sync_playwright
 
-from truing.recording_reader import read_run
-from web.made_runs import VERDICT, made_set
+from truing.recording.reader import read_run
+from web.synthetic_runs import VERDICT, synthetic_set
 from web.view_process import ViewProcess
 
-MOST_GROWTH_MB = 10.0
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+MAX_GROWTH_MB = 10.0
 RATE_HZ = 200
 _RUN_S = 12.0
 # Beyond the time that was asked for, on a machine that has others to serve.
@@ -45,8 +48,8 @@ velocity_mps = [0.0, 0.0]
 
 
 @dataclass(frozen=True)
-class Soaked:
-    """What came of it.
+class SoakResult:
+    """Measured figures.
 
     Attributes
     ----------
@@ -71,14 +74,16 @@ class Soaked:
     stops: int
 
     @property
-    def most_growth_mb(self) -> float:
+    def max_growth_mb(self) -> float:
         """The growth of whatever grew most."""
         return max(self.growth_mb, self.helpers_growth_mb, self.page_growth_mb, self.driver_growth_mb)
 
 
-def soak(folder: Path, seconds: float, warm_s: float, least_runs: int = 1) -> Soaked:
+def soak(folder: Path, seconds: float, warm_s: float, min_runs: int = 1) -> SoakResult:
     """Look on for so long after the warm-up, and until so many runs have been saved."""
-    made_set(folder / "recordings/soak")
+    from playwright.sync_api import sync_playwright
+
+    synthetic_set(folder / "recordings/soak")
     diagnoses = folder / "diagnoses"
     (diagnoses / "pages").mkdir(parents=True, exist_ok=True)
     (diagnoses / "recordings-soak.json").write_text(json.dumps(VERDICT))
@@ -96,12 +101,12 @@ def soak(folder: Path, seconds: float, warm_s: float, least_runs: int = 1) -> So
             driver.bring_to_front()
             driver.wait_for_function("truing?.live?.state.link?.state === 'connected'", timeout=60_000)
             driver.get_by_label("Set", exact=True).select_option(label="recordings/soak")
-            # The page's first drawing takes its time, and a driver's page that is silent loses the wheel.
+            # The first drawing is slow, and a driving page whose heartbeat is late loses control.
             driver.wait_for_selector(".js-plotly-plot .trace", timeout=60_000)
             _drive(driver, warm_s, 1)
             before = [_resident_mb(pid), _helpers_mb(pid), _heap_mb(watcher), _heap_mb(driver)]
             (count, board_s), began = _samples(watcher), time.monotonic()
-            stops = _drive(driver, seconds, least_runs)
+            stops = _drive(driver, seconds, min_runs)
             spent = time.monotonic() - began
             counted, until_s = _samples(watcher)
             rate = (counted - count) / (until_s - board_s)
@@ -110,29 +115,28 @@ def soak(folder: Path, seconds: float, warm_s: float, least_runs: int = 1) -> So
     finally:
         view.close()
     grown = (b - a for a, b in zip(before, after, strict=True))
-    return Soaked(spent, rate, *grown, *_missing(folder / "recordings/soak/runs"), stops)
+    return SoakResult(spent, rate, *grown, *_missing(folder / "recordings/soak/runs"), stops)
 
 
-def _drive(page: Page, seconds: float, least_runs: int) -> int:
+def _drive(page: Page, seconds: float, min_runs: int) -> int:
     """Run after run, until the time is over and so many are saved; how many were stopped.
 
-    A page that says nothing for 2.5 s, on a machine that is busy elsewhere, loses the wheel: that is as it
-    should be, and the next run begins.
+    On a busy machine a page without heartbeat for 2.5 s loses control, as intended, and the next run starts.
     """
     saved = stops = 0
     began = time.monotonic()
-    while time.monotonic() < began + seconds or saved < least_runs:
+    while time.monotonic() < began + seconds or saved < min_runs:
         if time.monotonic() > began + seconds + _SPARE_S:
             raise RuntimeError(f"{saved} runs saved and {stops} stopped in {time.monotonic() - began:.0f} s")
         known = page.evaluate("truing.live.state.task?.saved ?? ''")
-        page.get_by_role("button", name="Drive the next experiment").click()
+        page.get_by_role("button", name="Run the next experiment").click()
         # Told by the page itself, so that no change between two looks is missed.
         page.wait_for_function(_BEGAN, timeout=60_000)
         page.wait_for_function(_OVER, timeout=120_000)
         task = page.evaluate("truing.live.state.task")
         if task["stage"] == "done" and task["saved"] != known:
             saved += 1
-        elif task["stage"] == "stopped" and "silent" in task["problem"]:
+        elif task["stage"] == "stopped" and "timed out" in task["problem"]:
             stops += 1
         else:
             raise RuntimeError(f"the run ended badly: {task}")
@@ -191,7 +195,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         found = soak(Path(folder), 60.0 * arguments.minutes, arguments.warm)
     print(json.dumps(asdict(found), indent=2))
-    return int(found.dropped > 0 or found.most_growth_mb > MOST_GROWTH_MB)
+    return int(found.dropped > 0 or found.max_growth_mb > MAX_GROWTH_MB)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from web.browser_bench import drive_by_key, faults_of_access, live, open_page, speed, wait
+from web.browser_rig import accessibility_violations, drive_by_key, live, open_page, speed, wait
 from web.view_process import ViewProcess
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
@@ -17,11 +17,11 @@ pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
 
 @pytest.mark.parametrize("path", ["", "world", "trajectory", "compare", "models", "analysis", "scene"])
 @pytest.mark.parametrize("width", [1280, 390])
-def test_no_page_has_a_serious_fault_of_access_or_scrolls_sideways(browser, bench, problems, path, width):
-    page = open_page(browser, bench, problems, path, width, 720 if width > 500 else 844)
+def test_no_page_has_a_serious_fault_of_access_or_scrolls_sideways(browser, rig, problems, path, width):
+    page = open_page(browser, rig, problems, path, width, 720 if width > 500 else 844)
     try:
         wait(lambda: page.locator("main canvas, main .main-svg").count() > 0, "a picture")
-        assert not faults_of_access(page)
+        assert not accessibility_violations(page)
         assert page.evaluate("document.documentElement.scrollWidth") <= width
     finally:
         page.close()
@@ -40,27 +40,33 @@ def handshake(address, path, **headers):
 
 
 @pytest.mark.parametrize("path", ["/live?session=x", "/_nicegui_ws/socket.io/?EIO=4&transport=websocket"])
-def test_a_web_socket_of_another_site_is_refused(bench, path):
-    raw, answer = handshake(bench.view.address, path, Origin="http://evil.example")
+def test_a_web_socket_of_another_site_is_refused(rig, path):
+    raw, answer = handshake(rig.view.address, path, Origin="http://evil.example")
     raw.close()
     assert b" 403 " in answer
 
 
-def test_a_page_that_asks_and_never_reads_slows_nobody(page, bench):
+def _samples(page):
+    """Samples so far, and the board's time of the last (s), which stands still when the machine does."""
+    return page.evaluate("[truing.live.received, truing.live.samples.at(-1)[0]]")
+
+
+def test_a_page_that_asks_and_never_reads_slows_nobody(page, rig):
     # A masked text frame, all zeros as its mask: {"t":"next"} in clear.
     ask = b"\x81\x8c\0\0\0\0" + b'{"t":"next"}'
-    stuck = [handshake(bench.view.address, f"/live?session=stuck{k}")[0] for k in range(3)]
+    stuck = [handshake(rig.view.address, f"/live?session=stuck{k}")[0] for k in range(3)]
     try:
         for _ in range(40):
             for raw in stuck:
                 raw.sendall(25 * ask)
             time.sleep(0.05)
-        before, began = live(page, "received"), time.monotonic()
+        count, since_s = _samples(page)
         drive_by_key(page)
         page.keyboard.up("ArrowUp")
         wait(lambda: speed(page) < 0.02, "standstill")
-        # The board is asked thirty times a second, whatever those pages do.
-        assert (live(page, "received") - before) / (time.monotonic() - began) > 15.0
+        now, until_s = _samples(page)
+        # The board is polled thirty times a second, whatever those pages do.
+        assert (now - count) / (until_s - since_s) > 15.0
     finally:
         for raw in stuck:
             raw.close()
@@ -69,7 +75,7 @@ def test_a_page_that_asks_and_never_reads_slows_nobody(page, bench):
 def test_beyond_this_machine_the_address_that_is_printed_opens_and_no_other(browser, tmp_path):
     view = ViewProcess(tmp_path, "--host", "0.0.0.0")
     try:
-        assert view.told["token"] in view.address
+        assert view.announced["token"] in view.address
         bare = view.address.split("?")[0]
         connection = HTTPConnection(urlsplit(bare).netloc, timeout=30)
         connection.request("GET", "/")

@@ -1,11 +1,11 @@
-"""Everything by keyboard alone: pages, tools, canvas, lists, sliders, driving."""
+"""Keyboard-only operation: pages, tools, canvas, lists, sliders, driving."""
 
 from __future__ import annotations
 
 import pytest
 
-from web.browser_bench import cycles, drive_by_key, go, live, speed, wait
-from web.made_runs import made_set
+from web.browser_rig import cycles, drive_by_key, go, live, speed, wait
+from web.synthetic_runs import synthetic_set
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
 
@@ -14,8 +14,8 @@ return [e.tagName, (e.getAttribute('aria-label') || e.textContent || '').trim()]
 
 
 @pytest.fixture(autouse=True)
-def runs(bench):
-    return made_set(bench.view.out / "made")
+def runs(rig):
+    return synthetic_set(rig.view.out / "made")
 
 
 def tab_to(page, name, tag=""):
@@ -28,7 +28,7 @@ def tab_to(page, name, tag=""):
     pytest.fail(f"Tab never comes to {name!r}")
 
 
-def test_a_wall_is_painted_and_saved_by_keys(page, bench):
+def test_a_wall_is_painted_and_saved_by_keys(page, rig):
     go(page, "2", "World")
     wait(lambda: live(page, "state.scan"), "a scan")
     before = live(page, "state.world")
@@ -41,7 +41,7 @@ def test_a_wall_is_painted_and_saved_by_keys(page, bench):
     wait(lambda: live(page, "state.world") != before, "a painted spot")
     tab_to(page, "Save", "BUTTON")
     page.keyboard.press("Enter")
-    wait((bench.view.out / "maps/room.yaml").exists, "the map's file")
+    wait((rig.view.out / "maps/room.yaml").exists, "the map's file")
 
 
 def test_a_path_is_driven_uploaded_and_run_by_keys(page):
@@ -56,7 +56,7 @@ def test_a_path_is_driven_uploaded_and_run_by_keys(page):
 
 def test_lists_and_sliders_are_worked_by_keys(page):
     go(page, "5", "Error models")
-    tab_to(page, "The paper's", "BUTTON")
+    tab_to(page, "MOM paper", "BUTTON")
     page.keyboard.press("Enter")
     tab_to(page, "drift on straight lines, rad/m", "INPUT")
     page.keyboard.press("ArrowRight")
@@ -72,7 +72,7 @@ def test_lists_and_sliders_are_worked_by_keys(page):
 
 def test_help_driving_and_stop_are_on_keys(page):
     page.keyboard.press("?")
-    page.get_by_role("dialog").get_by_text("stop, always", exact=False).wait_for()
+    page.get_by_role("dialog").get_by_text("stop, from every page", exact=False).wait_for()
     page.keyboard.press("Escape")
     page.get_by_role("dialog").wait_for(state="hidden")
     drive_by_key(page)

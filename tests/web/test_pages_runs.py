@@ -7,17 +7,17 @@ import math
 
 import pytest
 
-from truing.baseline import read_baseline
-from truing.recording_reader import read_run
-from web.browser_bench import go, live, wait
-from web.made_runs import TAU_S, VERDICT, made_set
+from truing.recording.baseline import read_baseline
+from truing.recording.reader import read_run
+from web.browser_rig import go, live, wait
+from web.synthetic_runs import TAU_S, VERDICT, synthetic_set
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
 
 
 @pytest.fixture(scope="module", autouse=True)
-def runs(bench):
-    return made_set(bench.view.out / "made")
+def runs(rig):
+    return synthetic_set(rig.view.out / "made")
 
 
 def paths(page):
@@ -64,31 +64,31 @@ def test_a_run_lies_beside_its_simulations_and_others_join_it(page):
     assert end_of(page, "Real robot")[0] < end_of(page, "Simulated")[0] < end_of(page, "Desired")[0]
     table = page.get_by_role("table", name="Stopping points")
     assert "2.5000" in table.inner_text()
-    page.get_by_role("button", name="The paper's", exact=True).click()
+    page.get_by_role("button", name="MOM paper", exact=True).click()
     wait(lambda: end_of(page, "Simulated (model)"), "the paper's model")
     assert end_of(page, "Simulated (model)")[1] < -0.5
-    page.get_by_text("Real paths of other runs").click()
+    page.get_by_text("Measured paths of other runs").click()
     page.get_by_label("also draw 03_straight").check()
     wait(lambda: end_of(page, "03_straight"), "the other run")
     assert page.locator(".js-plotly-plot .scatterlayer .trace").count() >= 6
 
 
-def test_runs_from_disk_are_dropped_in(page, bench, runs):
+def test_runs_from_disk_are_dropped_in(page, rig, runs):
     go(page, "4", "Compare")
     zone = page.locator(".drop-zone input")
     zone.wait_for(state="attached")
     zone.set_input_files([runs / "baseline.toml", runs / "runs/03_straight.csv"])
-    wait(lambda: (bench.view.out / "dropped/runs/03_straight.csv").exists(), "the dropped run")
+    wait(lambda: (rig.view.out / "dropped/runs/03_straight.csv").exists(), "the dropped run")
     wait(lambda: page.get_by_label("Set", exact=True).input_value().endswith("dropped"), "its set")
     wait(lambda: end_of(page, "Simulated"), "its simulation")
     zone.set_input_files({"name": "bad.csv", "mimeType": "text/csv", "buffer": b"no run"})
     page.get_by_text("bad.csv", exact=False).first.wait_for()
 
 
-def test_a_slider_moved_by_keys_moves_the_overlay_and_the_model_is_saved(page, bench):
+def test_a_slider_moved_by_keys_moves_the_overlay_and_the_model_is_saved(page, rig):
     go(page, "5", "Error models")
     choose_drawn(page, "01_straight", 0.3)
-    page.get_by_role("button", name="The paper's", exact=True).click()
+    page.get_by_role("button", name="MOM paper", exact=True).click()
     slider = page.get_by_role("slider", name="drift on straight lines, rad/m")
     slider.wait_for()
     wait(lambda: end_of(page, "Simulated (model)"), "the paper's model", 30.0)
@@ -102,16 +102,16 @@ def test_a_slider_moved_by_keys_moves_the_overlay_and_the_model_is_saved(page, b
     page.get_by_label("distance scale, value").press("Enter")
     wait(lambda: math.hypot(*end_of(page, "Simulated (model)")) > math.hypot(*moved), "a longer path")
     page.get_by_role("button", name="Save as the robot's model").click()
-    wait((bench.view.out / "models/robot.toml").exists, "the robot's model")
+    wait((rig.view.out / "models/robot.toml").exists, "the robot's model")
     go(page, "4", "Compare")
-    pressed = page.get_by_role("button", name="The paper's", exact=True)
+    pressed = page.get_by_role("button", name="MOM paper", exact=True)
     wait(lambda: pressed.get_attribute("aria-pressed") == "true", "the model in force")
 
 
-def test_what_a_diagnosis_found_is_dropped_in_and_turned(page, bench):
+def test_what_a_diagnosis_found_is_dropped_in_and_turned(page, rig):
     go(page, "5", "Error models")
     choose_drawn(page, "01_straight", 0.3)
-    page.get_by_role("button", name="Found", exact=True).click()
+    page.get_by_role("button", name="Diagnosed", exact=True).click()
     file = {"name": "made.json", "mimeType": "application/json", "buffer": json.dumps(VERDICT).encode()}
     page.locator(".drop-zone input").set_input_files(file)
     slider = page.get_by_role("slider", name="coulomb friction: left, effort")
@@ -122,7 +122,7 @@ def test_what_a_diagnosis_found_is_dropped_in_and_turned(page, bench):
     slider.evaluate("e => { e.value = 0.12; e.dispatchEvent(new Event('input')); }")
     wait(lambda: end_of(page, "Simulated (model)")[1] > before[1] + 0.1, "a robot that pulls to the left")
     page.get_by_role("button", name="Save as the robot's model").click()
-    file = bench.view.out / "models/robot.toml"
+    file = rig.view.out / "models/robot.toml"
     wait(lambda: file.exists() and "coulomb_friction" in file.read_text(), "the saved effect")
     assert read_baseline(file).effects["coulomb_friction"]["left"] == pytest.approx(0.12, abs=0.01)
 
@@ -135,7 +135,7 @@ def test_control_inputs_are_replayed_under_the_model_in_force(page):
         "distance_scale": {"value": 0.0, "ci95": [-0.01, 0.01], "unit": "1"},
     }
     go(page, "5", "Error models")
-    page.get_by_role("button", name="Found", exact=True).click()
+    page.get_by_role("button", name="Diagnosed", exact=True).click()
     file = {"name": "drifting.json", "mimeType": "application/json", "buffer": json.dumps(drifting).encode()}
     page.locator(".drop-zone input").set_input_files(file)
     page.get_by_role("slider", name="heading drift: drift, rad/m").wait_for()
@@ -147,20 +147,20 @@ def test_control_inputs_are_replayed_under_the_model_in_force(page):
     box = canvas.bounding_box()
     canvas.click(position={"x": box["width"] / 2 + 150, "y": box["height"] / 2})
     page.get_by_text("ends at", exact=False).first.wait_for()
-    found = page.get_by_role("button", name="Found", exact=True)
+    found = page.get_by_role("button", name="Diagnosed", exact=True)
     wait(lambda: found.get_attribute("aria-pressed") == "true", "the saved model in force")
     page.get_by_role("button", name="Replay", exact=True).click()
     wait(lambda: paths(page), "a path under what was found", 150.0)
     ((_, (_x, y, theta)),) = paths(page)
     assert theta == pytest.approx(0.3 * 1.5, rel=0.15)
     assert y > 0.15
-    page.get_by_text("with what was found: ends at", exact=False).wait_for()
-    page.get_by_role("button", name="The paper's", exact=True).click()
+    page.get_by_text("diagnosed model: ends at", exact=False).wait_for()
+    page.get_by_role("button", name="MOM paper", exact=True).click()
     page.get_by_role("button", name="Replay", exact=True).click()
     wait(lambda: paths(page) and paths(page)[0][1][1] < -0.1, "the paper's drift, to the right")
     page.get_by_role("button", name="None", exact=True).click()
     page.get_by_role("button", name="Replay", exact=True).click()
-    page.get_by_text("exactly where it is told", exact=False).wait_for()
+    page.get_by_text("follows the control inputs exactly", exact=False).wait_for()
     assert not paths(page)
 
 
@@ -182,7 +182,7 @@ def test_signals_are_chosen_spans_are_measured_and_saved(page, tmp_path):
     page.get_by_label("to, s").fill("6")
     # The last 1.5 s of 0.5 m/s on wheels of 1.3 instead of 1.45 m/s.
     wait(lambda: statistics(page)[0].split("\t")[1:3] == ["31", "0.4483"], "the steady speed")
-    page.get_by_role("button", name="Drag selects").click()
+    page.get_by_role("button", name="Select", exact=True).click()
     selects = "document.querySelector('.js-plotly-plot')._fullLayout?.dragmode === 'select'"
     wait(lambda: page.evaluate(selects), "a plot that selects")
     box = page.locator(".js-plotly-plot .nsewdrag").first.bounding_box()
@@ -195,13 +195,13 @@ def test_signals_are_chosen_spans_are_measured_and_saved(page, tmp_path):
     assert len(rows) >= 2
     assert rows[0].startswith("left")
     with page.expect_download() as download:
-        page.get_by_role("button", name="Save the chosen signals as CSV").click()
+        page.get_by_role("button", name="Save the selected signals as CSV").click()
     text = download.value.path().read_text()
     assert (
         text.splitlines()[0] == "t_s,speed_left (m/s),speed_right (m/s),effort_right (% effort),theta_rad (°)"
     )
     with page.expect_download() as download:
-        page.get_by_role("button", name="Save the picture as PNG").click()
+        page.get_by_role("button", name="Save the figure as PNG").click()
     assert download.value.path().read_bytes().startswith(b"\x89PNG")
 
 
@@ -218,9 +218,9 @@ def test_a_diagnosis_is_started_watched_and_cancelled_with_the_page_alive(page):
     wait(lambda: not page.get_by_role("progressbar").is_visible(), "no bar")
 
 
-def test_the_next_experiment_is_driven_and_joins_the_set(page, bench):
-    own = made_set(bench.view.out / "recordings/own")
-    folder = bench.view.out / "diagnoses"
+def test_the_next_experiment_is_driven_and_joins_the_set(page, rig):
+    own = synthetic_set(rig.view.out / "recordings/own")
+    folder = rig.view.out / "diagnoses"
     (folder / "pages").mkdir(parents=True, exist_ok=True)
     (folder / "recordings-own.json").write_text(json.dumps(VERDICT))
     (folder / "recordings-own.next.toml").write_text(
@@ -232,7 +232,7 @@ def test_the_next_experiment_is_driven_and_joins_the_set(page, bench):
     go(page, "6", "Analysis")
     choose(page, "Set", "recordings/own")
     page.get_by_text("Physics is missing").wait_for()
-    page.get_by_role("button", name="Drive the next experiment").click()
+    page.get_by_role("button", name="Run the next experiment").click()
     wait(lambda: live(page, "state.task?.stage") == "done", "a finished run", 60.0)
     added = own / "runs/04_next.csv"
     assert added.is_file()

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from truing.web.driver_lock import SILENT_S, DriverLock
-from truing.web.live_sample import LiveHistory, LiveSample, PoseChain
+from truing.web.access.driver_lock import DRIVER_TIMEOUT_S, DriverLock
+from truing.web.access.security import COOKIE, Access, AccessMiddleware, access_for
 from truing.web.pose import Pose
-from truing.web.security import COOKIE, Access, Gate, access_for
+from truing.web.worker.sample import LiveHistory, LiveSample, PoseChain
 
 
 def ask(access: Access, kind: str = "http", query: str = "", **headers: str) -> tuple[int, dict[str, str]]:
@@ -30,7 +30,7 @@ def ask(access: Access, kind: str = "http", query: str = "", **headers: str) -> 
         "query_string": query.encode(),
         "headers": [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()],
     }
-    asyncio.run(Gate(application, access)(scope, None, send))  # type: ignore[arg-type]
+    asyncio.run(AccessMiddleware(application, access)(scope, None, send))  # type: ignore[arg-type]
     if sent[0]["type"] == "websocket.close":
         return 403, {}
     return sent[0]["status"], {name.decode(): value.decode() for name, value in sent[0]["headers"]}
@@ -86,7 +86,7 @@ def test_a_page_may_fetch_from_the_view_alone():
     assert "http" not in policy
 
 
-def test_one_drives_and_leaving_the_wheel_is_told():
+def test_one_drives_and_releasing_control_is_reported():
     left: list[str] = []
     lock = DriverLock(left.append)
     assert lock.claim("a")
@@ -102,13 +102,13 @@ def test_a_driver_who_falls_silent_loses_the_wheel():
     left: list[str] = []
     lock = DriverLock(left.append, lambda: now[0])
     lock.claim("a")
-    now[0] = SILENT_S - 0.1
-    lock.heard("a")
-    now[0] += SILENT_S - 0.1
-    lock.drop_silent()
+    now[0] = DRIVER_TIMEOUT_S - 0.1
+    lock.refresh("a")
+    now[0] += DRIVER_TIMEOUT_S - 0.1
+    lock.expire()
     assert lock.holds("a")
     now[0] += 0.2
-    lock.drop_silent()
+    lock.expire()
     assert left == ["a"]
 
 
@@ -117,7 +117,7 @@ def sample(t_s: float, pose: Pose) -> LiveSample:
 
 
 def test_a_slow_reader_gets_the_newest_and_an_even_choice():
-    history = LiveHistory(kept=1000)
+    history = LiveHistory(capacity=1000)
     history.extend((sample(k, Pose()), Pose()) for k in range(5000))
     found = history.since(0, 100)
     assert len(found) <= 100

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from truing.baseline import read_baseline
 from truing.errors import TruingError
-from truing.web.analysis_view import analysed, csv_text, signals_of
-from truing.web.diagnosis_job import DiagnosisJob
-from truing.web.figures import drawn_points
-from web.made_runs import BASELINE, made_set, straight_run
+from truing.recording.baseline import read_baseline
+from truing.web.process.diagnosis_job import DiagnosisJob
+from truing.web.views.analysis import analysis_content, csv_text, signals_of
+from truing.web.views.figures import decimated
+from web.synthetic_runs import BASELINE, straight_run, synthetic_set
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def baseline(tmp_path: Path):
 
 
 def show(run, baseline, wanted=("speed_left", "x_m"), span=None, linked=True):
-    return analysed(run, baseline, wanted, span, linked=linked, select=False)
+    return analysis_content(run, baseline, wanted, span, linked=linked, select=False)
 
 
 def test_signals_of_one_unit_share_a_panel_and_panels_share_time(baseline):
@@ -72,7 +72,7 @@ def test_a_long_run_is_drawn_with_its_extremes(baseline):
     values = run.columns["x_m"].repeat(100)
     values[777] = 99.0
     t = run.t_s[0] + 0.01 * (values * 0 + 1).cumsum()
-    times, drawn = drawn_points(t, values)
+    times, drawn = decimated(t, values)
     assert len(times) <= 2001
     assert max(value for value in drawn if value is not None) == 99.0
     assert len(signals_of(run, baseline)) == 9
@@ -80,7 +80,7 @@ def test_a_long_run_is_drawn_with_its_extremes(baseline):
 
 def test_a_diagnosis_is_ended_at_once_and_leaves_nothing_behind(tmp_path):
     job = DiagnosisJob(tmp_path / "diagnoses")
-    job.start(made_set(tmp_path / "made"), "made")
+    job.start(synthetic_set(tmp_path / "made"), "made")
     assert job.state.stage == "running"
     with pytest.raises(TruingError):
         job.start(tmp_path / "made", "made")
@@ -104,14 +104,14 @@ def test_what_is_wrong_with_recordings_is_said(tmp_path):
 @pytest.mark.slow
 def test_a_diagnosis_leaves_verdict_report_and_heat_map(tmp_path):
     job = DiagnosisJob(tmp_path / "diagnoses")
-    job.start(made_set(tmp_path / "made"), "made")
-    shares = set()
+    job.start(synthetic_set(tmp_path / "made"), "made")
+    progress = set()
     until = time.monotonic() + 400.0
     while job.state.stage == "running" and time.monotonic() < until:
-        shares.add(job.state.share)
+        progress.add(job.state.progress)
         time.sleep(0.02)
     assert job.state.stage == "done", job.state.problem
-    assert len(shares) > 2
+    assert len(progress) > 2
     result = job.result_of("made")
     assert result.is_file()
     assert result.with_suffix(".html").stat().st_size > 10_000

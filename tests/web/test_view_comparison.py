@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from truing.baseline import read_baseline
-from truing.recording import Run
-from truing.web.comparison import compare
-from truing.web.error_model import ModelChoice
+from truing.recording.baseline import read_baseline
+from truing.recording.run import Run
+from truing.web.models.comparison import compare
+from truing.web.models.error_model import ModelChoice
+from truing.web.path.sequence_file import plan_of
+from truing.web.path.trajectory import Cycle
 from truing.web.pose import Pose
-from truing.web.sequence_file import plan_of
-from truing.web.trajectory import Cycle
-from web.made_runs import BASELINE, TAU_S, straight_run
+from web.synthetic_runs import BASELINE, TAU_S, straight_run
 
 
 def test_stopping_points_of_a_straight_line(tmp_path):
@@ -41,7 +41,7 @@ def test_stopping_points_of_a_straight_line(tmp_path):
     assert np.abs(residual).max() < 5e-3
 
 
-def test_what_cannot_be_told_is_left_open_and_said():
+def test_unknown_columns_are_left_empty_and_reported():
     found = compare(straight_run(), None, None)
     assert found.desired is None
     assert found.simulated is None

@@ -7,39 +7,40 @@ import copy
 import numpy as np
 import pytest
 
-from truing.baseline import read_baseline
 from truing.errors import FileError
-from truing.recording import Run
-from truing.recording_reader import read_run
-from truing.web.comparison import compare
-from truing.web.comparison_view import shown, speed_error
-from truing.web.dropped_files import keep
-from truing.web.error_model import (
+from truing.recording.baseline import read_baseline
+from truing.recording.reader import read_run
+from truing.recording.run import Run
+from truing.web.models.comparison import compare
+from truing.web.models.error_model import (
     ModelChoice,
+    diagnosed_model,
     explanations,
-    found_choice,
     load_model,
-    paper_knobs,
+    paper_sliders,
     read_verdict,
     save_model,
 )
-from truing.web.known_robot import known_robot, robot_of
-from truing.web.plan_rollout import plan_rollout
+from truing.web.models.known_robot import known_robot, robot_of
+from truing.web.models.plan_rollout import plan_rollout
+from truing.web.path.trajectory import Cycle, poses
 from truing.web.pose import Pose
-from truing.web.trajectory import Cycle, poses
-from web.made_runs import BASELINE, VERDICT, made_set, straight_run
+from truing.web.views.comparison import comparison_content, speed_error
+from web.synthetic_runs import BASELINE, VERDICT, straight_run, synthetic_set
 
 
 def test_each_number_of_a_diagnosis_is_a_knob_around_its_interval():
-    choice, knobs = found_choice(VERDICT)
+    choice, sliders = diagnosed_model(VERDICT)
     assert choice.kind == "found"
     assert choice.effects == {"coulomb_friction": {"left": 0.05, "right": 0.05}}
     assert choice.numbers == {"gain_left": 1.4}
-    assert [knob.interval for knob in knobs] == [(0.04, 0.06), (0.04, 0.06), (1.38, 1.42)]
+    assert [slider.interval for slider in sliders] == [(0.04, 0.06), (0.04, 0.06), (1.38, 1.42)]
     assert all(
-        knob.low <= knob.interval[0] < knob.interval[1] <= knob.high for knob in knobs if knob.interval
+        slider.low <= slider.interval[0] < slider.interval[1] <= slider.high
+        for slider in sliders
+        if slider.interval
     )
-    assert all(knob.low >= 0.0 for knob in knobs)
+    assert all(slider.low >= 0.0 for slider in sliders)
 
 
 def test_of_two_explanations_one_is_chosen():
@@ -47,15 +48,15 @@ def test_of_two_explanations_one_is_chosen():
     other = copy.deepcopy(verdict["effects"][0]) | {"name": "driver_deadband", "explanation": 1}
     verdict["effects"].append(other)
     assert explanations(verdict) == [(0, "coulomb friction"), (1, "driver deadband")]
-    assert set(found_choice(verdict)[0].effects) == {"coulomb_friction"}
-    assert set(found_choice(verdict, 1)[0].effects) == {"driver_deadband"}
+    assert set(diagnosed_model(verdict)[0].effects) == {"coulomb_friction"}
+    assert set(diagnosed_model(verdict, 1)[0].effects) == {"driver_deadband"}
 
 
 def test_the_papers_constants_can_be_turned():
-    turned = ModelChoice("paper").turned("paper.straight", -0.3)
-    assert turned.motion.straight == -0.3
+    adjusted = ModelChoice("paper").with_value("paper.straight", -0.3)
+    assert adjusted.motion.straight == -0.3
     assert ModelChoice("none").motion.straight == 0.0
-    straight = next(knob for knob in paper_knobs(turned.paper) if knob.key == "paper.straight")
+    straight = next(slider for slider in paper_sliders(adjusted.paper) if slider.key == "paper.straight")
     assert straight.value == -0.3
     # What Table 2 implies: DESIGN's own figure.
     assert straight.interval == pytest.approx((-0.315, -0.2635), abs=5e-4)
@@ -63,7 +64,7 @@ def test_the_papers_constants_can_be_turned():
 
 def test_a_model_is_kept_and_is_a_baseline_too(tmp_path):
     (tmp_path / "baseline.toml").write_text(BASELINE)
-    choice = found_choice(VERDICT)[0].turned("effect.coulomb_friction.left", 0.07)
+    choice = diagnosed_model(VERDICT)[0].with_value("effect.coulomb_friction.left", 0.07)
     path = save_model(choice, read_baseline(tmp_path / "baseline.toml"), tmp_path / "robot.toml")
     assert load_model(path) == choice
     kept = read_baseline(path)
@@ -106,10 +107,10 @@ def test_an_effect_with_wrong_parameters_is_said(tmp_path):
 
 
 def test_what_a_page_draws_has_a_column_for_every_run(tmp_path):
-    runs = [read_run(path) for path in sorted((made_set(tmp_path / "made") / "runs").glob("*.csv"))]
+    runs = [read_run(path) for path in sorted((synthetic_set(tmp_path / "made") / "runs").glob("*.csv"))]
     baseline = read_baseline(tmp_path / "made/baseline.toml")
     first, *more = [compare(run, baseline, None) for run in runs]
-    found = shown(first, more)
+    found = comparison_content(first, more)
     assert len(found["head"]) == 7
     assert all(len(row) == 7 for row in found["rows"])
     assert [path["title"] for path in found["paths"]] == [
@@ -127,14 +128,16 @@ def test_what_a_page_draws_has_a_column_for_every_run(tmp_path):
 def test_dropped_files_are_kept_by_what_they_are(tmp_path):
     import json
 
-    made = made_set(tmp_path / "made")
+    from truing.web.runs.dropped_files import store
+
+    made = synthetic_set(tmp_path / "made")
     data = (made / "runs/01_straight.csv").read_bytes()
     dropped, diagnoses = tmp_path / "dropped", tmp_path / "diagnoses"
-    assert keep("../../01_straight.csv", data, dropped, diagnoses)["path"] == str(
+    assert store("../../01_straight.csv", data, dropped, diagnoses)["path"] == str(
         dropped / "runs/01_straight.csv"
     )
-    assert keep("baseline.toml", BASELINE.encode(), dropped, diagnoses)["kind"] == "baseline"
-    assert keep("v.json", json.dumps(VERDICT).encode(), dropped, diagnoses)["kind"] == "diagnosis"
+    assert store("baseline.toml", BASELINE.encode(), dropped, diagnoses)["kind"] == "baseline"
+    assert store("v.json", json.dumps(VERDICT).encode(), dropped, diagnoses)["kind"] == "diagnosis"
     assert read_verdict(diagnoses / "v.json")["name"] == "made"
     for name, bad in (
         ("x.csv", b"not a run"),
@@ -142,7 +145,7 @@ def test_dropped_files_are_kept_by_what_they_are(tmp_path):
         ("x.json", b"{"),
         ("y.json", b'{"verdict": 1}'),
     ):
-        assert "error" in keep(name, bad, dropped, diagnoses), name
+        assert "error" in store(name, bad, dropped, diagnoses), name
     assert not (dropped / "runs/x.csv").exists()
     assert read_baseline(dropped / "baseline.toml").left.gain_mps == 1.45
     assert not (diagnoses / "y.json").exists()
@@ -175,13 +178,13 @@ def test_what_was_found_acts_on_control_inputs_that_a_controller_holds():
 
 
 def test_charge_that_earlier_runs_drew_is_missing_in_a_later_one(tmp_path):
-    folder = made_set(tmp_path / "made")
+    folder = synthetic_set(tmp_path / "made")
     baseline = read_baseline(folder / "baseline.toml")
     runs = [read_run(path) for path in sorted((folder / "runs").glob("*.csv"))]
     tired = ModelChoice("found", effects={"supply_sag": {"drop_at_stall": 0.0, "drop_over_set": 0.2}})
 
     def way(run, whole):
-        found = compare(run, baseline, None, tired, whole=lambda: whole)
+        found = compare(run, baseline, None, tired, set_runs=lambda: whole)
         assert found.modelled is not None
         return found.modelled.end.x_m, found.notes
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from support.chain import Chain
-from truing.web.live_source import StatusSource, StreamSource, open_source
+from truing.web.worker.source import StatusSource, StreamSource, open_source
 
 
 @pytest.mark.usefixtures("native_library")

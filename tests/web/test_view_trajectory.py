@@ -10,14 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from truing.errors import PlanError
-from truing.paper_mom import NO_ERROR, ErrorModel
 from truing.plan import load_plan
-from truing.web.error_replay import replay_cycles
+from truing.studies.mom_odometry import NO_ERROR, ErrorModel
 from truing.web.limits import Limits
-from truing.web.path_segments import Node, cycles_of, end_of, segments_through
+from truing.web.models.error_replay import replay_cycles
+from truing.web.path.segments import Node, cycles_of, end_of, segments_through
+from truing.web.path.sequence_file import cycles_of_plan, plan_of, save_sequence
+from truing.web.path.trajectory import Cycle, KeyTrajectory, braked_to_rest, poses
 from truing.web.pose import Pose
-from truing.web.sequence_file import cycles_of_plan, plan_of, save_sequence
-from truing.web.trajectory import Cycle, KeyTrajectory, braked, poses
 
 LIMITS = Limits()
 
@@ -26,10 +26,10 @@ def within_limits(cycles: list[Cycle], limits: Limits = LIMITS) -> bool:
     spare = 1.0 + 1e-6
     return all(
         abs(now.v_mps) <= limits.speed_mps * spare
-        and abs(now.omega_radps) <= limits.turn_radps * spare
+        and abs(now.omega_radps) <= limits.yaw_rate_radps * spare
         and abs(now.v_mps) + 0.5 * limits.wheelbase_m * abs(now.omega_radps) <= limits.wheel_mps * spare
         and abs(now.v_mps - before.v_mps) <= limits.accel_mps2 * 0.1 * spare
-        and abs(now.omega_radps - before.omega_radps) <= limits.turn_accel_radps2 * 0.1 * spare
+        and abs(now.omega_radps - before.omega_radps) <= limits.yaw_accel_radps2 * 0.1 * spare
         for before, now in pairwise([Cycle(0.0, 0.0), *cycles, Cycle(0.0, 0.0)])
     )
 
@@ -56,32 +56,32 @@ def test_faster_and_slower_stay_between_a_tenth_and_all():
     made = KeyTrajectory()
     for _ in range(20):
         made.change_speed(True)
-    assert made.share == 1.0
+    assert made.speed_fraction == 1.0
     for _ in range(20):
         made.change_speed(False)
-    assert made.share == 0.1
+    assert made.speed_fraction == 0.1
 
 
 @settings(deadline=None)
 @given(st.lists(st.lists(st.sampled_from(["forward", "back", "left", "right"]), max_size=3), max_size=60))
 def test_no_keys_ever_leave_the_limits_and_the_end_stands_still(held):
-    made = KeyTrajectory(LIMITS, share=1.0)
+    made = KeyTrajectory(LIMITS, speed_fraction=1.0)
     for keys in held:
         made.cycle(keys)
-    cycles = braked(made.cycles, LIMITS)
+    cycles = braked_to_rest(made.cycles, LIMITS)
     last = Cycle(0.0, 0.0)
     for cycle in cycles:
         assert abs(cycle.v_mps - last.v_mps) <= LIMITS.accel_mps2 * 0.1 + 1e-5
-        assert abs(cycle.omega_radps - last.omega_radps) <= LIMITS.turn_accel_radps2 * 0.1 + 1e-5
+        assert abs(cycle.omega_radps - last.omega_radps) <= LIMITS.yaw_accel_radps2 * 0.1 + 1e-5
         assert abs(cycle.v_mps) + 0.5 * LIMITS.wheelbase_m * abs(cycle.omega_radps) <= LIMITS.wheel_mps + 1e-5
         last = cycle
     assert (last.v_mps, last.omega_radps) == (0.0, 0.0)
 
 
 def test_what_holds_the_robot_back_is_named():
-    made = KeyTrajectory(LIMITS, share=1.0)
+    made = KeyTrajectory(LIMITS, speed_fraction=1.0)
     made.cycle(["forward"])
-    assert "acceleration" in made.held
+    assert "acceleration" in made.limited_by
 
 
 point = st.floats(-4, 4).map(lambda value: round(value, 3))

@@ -9,12 +9,12 @@ import pytest
 from PIL import Image
 
 from truing.errors import TruingError
-from truing.web.map_file import FREE, OCCUPIED, UNKNOWN, read_world, write_map, write_world
-from truing.web.occupancy import OccupancyGrid
 from truing.web.pose import Pose
-from truing.web.range_sensors import laser_scanner, sonar_ring
-from truing.web.ray_casting import cast
-from truing.web.world_map import WorldMap
+from truing.web.world.map_file import FREE, OCCUPIED, UNKNOWN, read_world, write_map, write_world
+from truing.web.world.occupancy import OccupancyGrid
+from truing.web.world.range_sensors import laser_scanner, sonar_ring
+from truing.web.world.ray_casting import cast
+from truing.web.world.world_map import WorldMap
 
 
 def room() -> WorldMap:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 
 class CutLink:
-    """A TCP proxy in front of a board, as a cable that can be pulled and plugged in again."""
+    """A TCP proxy in front of a board, which can be cut and restored."""
 
     def __init__(self, port: str) -> None:
         _, host, number = port.split(":")
@@ -25,7 +25,7 @@ class CutLink:
         threading.Thread(target=self._accept, daemon=True).start()
 
     def pull(self) -> None:
-        """Cut what is connected, and let nobody connect."""
+        """Cut the connections and refuse new ones."""
         self._plugged = False
         for end in self._open:
             with contextlib.suppress(OSError):
@@ -34,11 +34,11 @@ class CutLink:
         self._open.clear()
 
     def plug(self) -> None:
-        """Let the host connect again."""
+        """Accept connections again."""
         self._plugged = True
 
     def close(self) -> None:
-        """Let go of everything."""
+        """Close everything."""
         self.pull()
         self._listener.close()
 
@@ -87,8 +87,8 @@ class ViewProcess:
             line = self.process.stdout.readline()
             assert line, f"the view did not start: {said}"
             said += line
-        self.told = json.loads(said)
-        self.address: str = self.told["address"]
+        self.announced = json.loads(said)
+        self.address: str = self.announced["address"]
 
     def close(self) -> None:
         """End it as Ctrl-C would."""

@@ -1,11 +1,11 @@
-/* A board made of memory: the caller sets what the core senses and receives, and reads what it does. */
+/* A board in memory: the caller sets what the core senses and receives, and reads its outputs. */
 #include "hal_host.h"
 
 #include <string.h>
 
 static _Thread_local struct hal_host *current;
 
-static size_t least(size_t a, size_t b)
+static size_t min_size(size_t a, size_t b)
 {
     return a < b ? a : b;
 }
@@ -15,7 +15,7 @@ void hal_host_init(struct hal_host *board)
     memset(board, 0, sizeof *board);
     board->sample.battery_mv = 12000;
     board->sample.battery_valid = true;
-    board->identity.core_hz = 168000000;
+    board->identity.cpu_hz = 168000000;
     board->identity.reset_cause =
         0x0E; /* power-on, pin and brown-out flags, as after connecting the supply */
     board->identity.boot_id = 1;
@@ -51,7 +51,7 @@ size_t hal_host_receive(struct hal_host *board, const uint8_t *data, size_t leng
         board->received_at = 0;
         board->received_length = 0;
     }
-    const size_t taken = least(length, sizeof board->received - board->received_length);
+    const size_t taken = min_size(length, sizeof board->received - board->received_length);
     memcpy(board->received + board->received_length, data, taken);
     board->received_length += taken;
     return taken;
@@ -59,7 +59,7 @@ size_t hal_host_receive(struct hal_host *board, const uint8_t *data, size_t leng
 
 size_t hal_host_take_sent(struct hal_host *board, uint8_t *out, size_t capacity)
 {
-    const size_t taken = least(capacity, board->sent_length);
+    const size_t taken = min_size(capacity, board->sent_length);
     memcpy(out, board->sent, taken);
     memmove(board->sent, board->sent + taken, board->sent_length - taken);
     board->sent_length -= taken;
@@ -102,7 +102,7 @@ void hal_drive(const int16_t effort_e4[HAL_WHEELS])
 
 size_t hal_link_read(uint8_t *out, size_t capacity)
 {
-    const size_t taken = least(capacity, current->received_length - current->received_at);
+    const size_t taken = min_size(capacity, current->received_length - current->received_at);
     memcpy(out, current->received + current->received_at, taken);
     current->received_at += taken;
     return taken;
@@ -111,7 +111,7 @@ size_t hal_link_read(uint8_t *out, size_t capacity)
 size_t hal_link_write(const uint8_t *data, size_t length)
 {
     const size_t taken =
-        least(length, least(current->line_room, sizeof current->sent - current->sent_length));
+        min_size(length, min_size(current->line_room, sizeof current->sent - current->sent_length));
     memcpy(current->sent + current->sent_length, data, taken);
     current->sent_length += taken;
     if (current->line_room != SIZE_MAX) {
@@ -142,7 +142,7 @@ bool hal_can_read(struct hal_can_frame *out)
 
 size_t hal_can_writable(void)
 {
-    return least(current->can_room, HAL_HOST_CAN_FRAMES - current->can_sent_count);
+    return min_size(current->can_room, HAL_HOST_CAN_FRAMES - current->can_sent_count);
 }
 
 void hal_can_write(const struct hal_can_frame *frame)
@@ -174,8 +174,7 @@ static uint32_t noise(void)
     return x;
 }
 
-/* True when this operation must not happen as asked: the power fails in it, has failed before, or the memory
- * is worn out. */
+/* True when this operation fails: the power fails in it, has failed before, or the memory is worn out. */
 static bool store_stops(bool *torn)
 {
     const uint32_t operation = current->store_operations;
@@ -185,7 +184,7 @@ static bool store_stops(bool *torn)
     return current->store_dead || operation >= current->store_refuse_at;
 }
 
-/* Bits that an operation cut off has reached: from hardly any to nearly all, by the two draws' agreement. */
+/* Bits that an interrupted operation has changed: from few to nearly all, at random. */
 static uint8_t reached(uint32_t eagerness)
 {
     const uint32_t draws = noise();

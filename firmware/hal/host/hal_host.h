@@ -1,10 +1,10 @@
-/* A board made of memory: the caller sets what the core senses and receives, and reads what it does. */
+/* A board in memory: the caller sets what the core senses and receives, and reads its outputs. */
 #ifndef HAL_HOST_H
 #define HAL_HOST_H
 
 #include "hal.h"
 
-/* A tick's time passes from one look at the sensors to the next. */
+/* Time advances by one tick with each reading of the sensors. */
 enum {
     HAL_HOST_RECEIVE_SIZE = 8192,
     HAL_HOST_SEND_SIZE = 65536,
@@ -18,7 +18,7 @@ struct hal_host {
     uint32_t after_tick_us;   /* time that has passed since it was sensed */
     struct hal_identity identity;
     struct hal_fault_record fault_record; /* count 0: there was none */
-    int16_t effort_e4[HAL_WHEELS];        /* what the bridges were told last */
+    int16_t effort_e4[HAL_WHEELS];        /* last command to the bridges */
     uint32_t drive_calls;
     uint32_t watchdog_feeds;
     uint32_t critical_depth;
@@ -31,7 +31,7 @@ struct hal_host {
     uint8_t store[HAL_STORE_SLOTS][HAL_STORE_SLOT_SIZE];
     uint32_t store_operations; /* erases and programmed words so far */
     uint32_t store_cut_at; /* the operation during which the power fails, counted from 0; UINT32_MAX: none */
-    uint32_t store_refuse_at; /* from this operation on the memory takes nothing more; UINT32_MAX: it does */
+    uint32_t store_refuse_at; /* from this operation on the memory is worn out; UINT32_MAX: it is not */
     uint32_t store_noise;     /* decides which bits an operation cut off has reached */
     bool store_dead;          /* the power has failed */
     uint32_t erase_ticks;     /* control ticks that an erase costs */

@@ -2,7 +2,6 @@
 
 from hil_sim.can_bus import CanFrame, CanTotals, VirtualCanBus
 from hil_sim.elf import ElfError, Image
-from hil_sim.hidden import HiddenEffects
 from hil_sim.plant import PlantError, PlantState, RobotParameters
 from hil_sim.robot import (
     DEFAULT_BOARD_ID,
@@ -14,6 +13,7 @@ from hil_sim.robot import (
     VirtualRobot,
     VirtualRobotError,
 )
+from hil_sim.unmodelled_effects import UnmodelledEffects
 
 __all__ = [
     "DEFAULT_BOARD_ID",
@@ -24,12 +24,12 @@ __all__ = [
     "ElfError",
     "EncoderFault",
     "ExceptionCost",
-    "HiddenEffects",
     "Image",
     "PlantError",
     "PlantState",
     "ResetCause",
     "RobotParameters",
+    "UnmodelledEffects",
     "VirtualCanBus",
     "VirtualRobot",
     "VirtualRobotError",

@@ -4,12 +4,31 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 from hil_sim import native
 
-if TYPE_CHECKING:
-    from hil_sim.robot import VirtualRobot
+
+class CanNode(Protocol):
+    """A board as the bus sees it.
+
+    Attributes
+    ----------
+    can_bus : the bus it is on; `VirtualCanBus.attach` and `detach` set it.
+    """
+
+    can_bus: VirtualCanBus | None
+
+    @property
+    def rig_handle(self) -> int | None:
+        """The board's rig in the native library."""
+
+    @property
+    def time_s(self) -> float:
+        """Virtual time since creation, seconds."""
+
+    def close(self) -> None:
+        """Free the board."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,14 +48,18 @@ class CanFrame:
     time_us: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@native.mirror("can_bus_totals")
+@dataclass(frozen=True)
 class CanTotals:
-    """What a bus has carried: whole frames, all bits, and attempts that failed."""
+    """Totals of a bus: complete frames, all bits, and failed attempts."""
 
     frames: int
     bits: int
     damaged: int
     unacknowledged: int
+
+
+_Frame: Any = native.HEADERS.structs["can_bus_frame"]
 
 
 class VirtualCanBus:
@@ -52,7 +75,7 @@ class VirtualCanBus:
         self._bus: int | None = self._library.can_bus_create(bit_rate)
         if self._bus is None:
             raise MemoryError("no memory for a CAN bus")
-        self.robots: list[VirtualRobot] = []
+        self.robots: list[CanNode] = []
 
     def close(self) -> None:
         """Unplug all boards and free the bus."""
@@ -65,22 +88,22 @@ class VirtualCanBus:
     def __del__(self) -> None:
         self.close()
 
-    def attach(self, robot: VirtualRobot) -> None:
+    def attach(self, robot: CanNode) -> None:
         """Plug a board in.
 
         Raises
         ------
         ValueError : its time is not that of the others, it is on a bus already, or there are 16 boards.
         """
-        if robot._bus is not None or not self._library.can_bus_attach(self._bus, robot._rig):
+        if robot.can_bus is not None or not self._library.can_bus_attach(self._bus, robot.rig_handle):
             raise ValueError("a board joins one bus, at the time of the boards that are there, 16 at most")
-        robot._bus = self
+        robot.can_bus = self
         self.robots.append(robot)
 
-    def detach(self, robot: VirtualRobot) -> None:
+    def detach(self, robot: CanNode) -> None:
         """Unplug a board."""
-        self._library.can_bus_detach(self._bus, robot._rig)
-        robot._bus = None
+        self._library.can_bus_detach(self._bus, robot.rig_handle)
+        robot.can_bus = None
         self.robots.remove(robot)
 
     def run_us(self, n: int) -> None:
@@ -94,15 +117,13 @@ class VirtualCanBus:
 
     def write(self, frame: CanFrame) -> bool:
         """Let the host send a frame, from now on; False: 1024 wait already."""
-        raw = native.CanBusFrame(
-            id=frame.id, extended=frame.extended, remote=frame.remote, length=len(frame.data)
-        )
+        raw = _Frame(id=frame.id, extended=frame.extended, remote=frame.remote, length=len(frame.data))
         ctypes.memmove(raw.data, frame.data, len(frame.data))
         return bool(self._library.can_bus_write(self._bus, ctypes.byref(raw)))
 
     def read(self) -> CanFrame | None:
-        """Return the oldest frame of the boards that the host has heard; None: there is none."""
-        raw = native.CanBusFrame()
+        """Return the oldest unread frame of the boards; None: there is none."""
+        raw = _Frame()
         if not self._library.can_bus_read(self._bus, ctypes.byref(raw)):
             return None
         return CanFrame(
@@ -114,19 +135,19 @@ class VirtualCanBus:
         self._library.can_bus_bit_rate(self._bus, bit_rate)
 
     def set_host_connected(self, connected: bool) -> None:
-        """Unplug the host: it neither acknowledges nor hears."""
+        """Unplug the host: it neither acknowledges nor receives."""
         self._library.can_bus_connect_host(self._bus, connected)
 
     def set_shorted(self, shorted: bool) -> None:
-        """Let both wires touch: every attempt to send fails at its first bit."""
+        """Short the two wires: every attempt to send fails at its first bit."""
         self._library.can_bus_short(self._bus, shorted)
 
     def damage(self, frames: int) -> None:
-        """Spoil this many of the next frames on the wire; their senders repeat them."""
+        """Damage this many of the next frames on the wire; their senders repeat them."""
         self._library.can_bus_damage(self._bus, frames)
 
     def totals(self) -> CanTotals:
-        """Return what the bus has carried."""
-        raw = native.CanBusTotals()
+        """Return the bus's totals."""
+        raw = native.new(CanTotals)
         self._library.can_bus_totals(self._bus, ctypes.byref(raw))
-        return CanTotals(raw.frames, raw.bits, raw.damaged, raw.unacknowledged)
+        return native.from_struct(CanTotals, raw)

@@ -21,12 +21,12 @@ _KINDS = (0, 1, 2)  # no type, object, function
 
 
 class ElfError(ValueError):
-    """A file that is no image for the board."""
+    """A file that is not an image for the board."""
 
 
 @dataclass(frozen=True)
 class Image:
-    """What of an ELF file matters to a board.
+    """The parts of an ELF file that a board needs.
 
     Attributes
     ----------

@@ -1,19 +1,17 @@
-"""The simulated robot without a board: its numbers, its terminals and its truth, from the C library."""
+"""The simulated robot without a board: parameters, terminals and true state, from the C library."""
 
 from __future__ import annotations
 
 import ctypes
 import dataclasses
-import functools
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-STEP_S = 50e-6
-"""One step of the plant and one PWM period, s (PLANT_STEP_US of plant.h)."""
+from hil_sim import native
 
-LIBRARY = Path(__file__).resolve().parents[3] / "build" / "host" / "hil_sim" / "libhil_sim.so"
-"""Where the build puts the plant; see `load_library`."""
+STEP_S = native.HEADERS.constants["PLANT_STEP_US"] / 1e6
+"""One step of the plant and one PWM period, s."""
 
 
 class PlantError(ValueError):
@@ -49,6 +47,7 @@ class EncoderParameters:
     edge_error_count: float
 
 
+@native.mirror("plant_wheel_params")
 @dataclass(frozen=True)
 class WheelParameters:
     """One driven wheel with all that turns with it."""
@@ -60,9 +59,10 @@ class WheelParameters:
     encoder: EncoderParameters
 
 
+@native.mirror("plant_chassis_params")
 @dataclass(frozen=True)
 class ChassisParameters:
-    """The body between the wheels and what the ground does to it when it turns."""
+    """The body between the wheels and the ground's resistance to turning."""
 
     mass_kg: float
     yaw_inertia_kgm2: float
@@ -71,6 +71,7 @@ class ChassisParameters:
     scrub_curvature_per_m: float
 
 
+@native.mirror("plant_battery_params")
 @dataclass(frozen=True)
 class BatteryParameters:
     """Open-circuit voltage over charge, resistance, the electronics' current, the sense line's noise."""
@@ -84,6 +85,7 @@ class BatteryParameters:
     sense_noise_v: float
 
 
+@native.mirror("plant_bridge_params")
 @dataclass(frozen=True)
 class BridgeParameters:
     """Drop of each of the two diodes that carry the current when both inputs are low."""
@@ -93,7 +95,7 @@ class BridgeParameters:
 
 @dataclass(frozen=True)
 class RobotParameters:
-    """Everything that makes one robot, in SI units: `struct plant_params` of plant.h, name by name."""
+    """All parameters of one robot, in SI units: `struct plant_params`, its wheels as left and right."""
 
     left: WheelParameters
     right: WheelParameters
@@ -104,15 +106,13 @@ class RobotParameters:
     @staticmethod
     def msrp(library: Path | None = None) -> RobotParameters:
         """The robot of Bakirci 2023 as the C library has it."""
-        native = _Params()
-        load_library(library).plant_params_msrp(ctypes.byref(native))
-        robot = _from_native(RobotParameters, native)
-        assert isinstance(robot, RobotParameters)
-        return robot
+        params = _Params()
+        load_library(library).plant_params_msrp(ctypes.byref(params))
+        return _robot_of(params)
 
     def problem(self, library: Path | None = None) -> str | None:
-        """What is wrong with the first parameter at fault, or None."""
-        text = load_library(library).plant_params_problem(ctypes.byref(to_native(self)))
+        """A description of the first invalid parameter, or None."""
+        text = load_library(library).plant_params_problem(ctypes.byref(params_of(self)))
         if text is None:
             return None
         assert isinstance(text, bytes)
@@ -140,9 +140,10 @@ def _changed(node: Any, path: list[str], value: float) -> Any:
     return dataclasses.replace(node, **{name: inner})
 
 
+@native.mirror("plant_state")
 @dataclass(frozen=True)
 class PlantState:
-    """The truth, which no sensor of the robot sees; pairs are (left, right)."""
+    """The true state, which no sensor of the robot measures; pairs are (left, right)."""
 
     steps: int
     time_s: float
@@ -162,89 +163,45 @@ class PlantState:
     magnetic_energy_j: float
 
 
-def _native_of(kind: Any) -> type[ctypes.Structure]:
-    """The C struct of a dataclass: the same names in the same order."""
-    types = {"float": ctypes.c_double, "int": ctypes.c_uint64, "tuple[float, float]": ctypes.c_double * 2}
-    fields: list[tuple[str, Any]] = [
-        (field.name, types.get(str(field.type)) or _native_of(globals()[str(field.type)]))
-        for field in dataclasses.fields(kind)
-    ]
-    return type(f"_{kind.__name__}", (ctypes.Structure,), {"_fields_": fields})
+_Params = native.HEADERS.structs["plant_params"]
+_SHARED = {
+    "chassis": ChassisParameters,
+    "battery": BatteryParameters,
+    "bridge": BridgeParameters,
+}
 
 
-# plant.h has wheel[2] where RobotParameters has left and right: the same bytes.
-_Params = _native_of(RobotParameters)
-_State = _native_of(PlantState)
+def _robot_of(params: Any) -> RobotParameters:
+    left, right = (native.from_struct(WheelParameters, wheel) for wheel in params.wheel)
+    shared: dict[str, Any] = {
+        name: native.from_struct(kind, getattr(params, name)) for name, kind in _SHARED.items()
+    }
+    return RobotParameters(left, right, **shared)
 
 
-def _from_native(kind: Any, native: ctypes.Structure) -> Any:
-    values: dict[str, Any] = {}
-    for field in dataclasses.fields(kind):
-        value = getattr(native, field.name)
-        if isinstance(value, ctypes.Structure):
-            value = _from_native(globals()[str(field.type)], value)
-        elif isinstance(value, ctypes.Array):
-            value = tuple(value)
-        values[field.name] = value
-    return kind(**values)
-
-
-def to_native(robot: RobotParameters) -> ctypes.Structure:
+def params_of(robot: RobotParameters) -> ctypes.Structure:
     """`struct plant_params`, to be passed by reference."""
-    native = _Params()
-    _fill(native, robot)
-    return native
-
-
-def _fill(native: ctypes.Structure, values: Any) -> None:
-    for field in dataclasses.fields(values):
-        value = getattr(values, field.name)
-        if dataclasses.is_dataclass(value):
-            _fill(getattr(native, field.name), value)
-        else:
-            setattr(native, field.name, value)
-
-
-def state_from_native(native: ctypes.Structure) -> PlantState:
-    """A `PlantState` from what `plant_state` filled."""
-    state = _from_native(PlantState, native)
-    assert isinstance(state, PlantState)
-    return state
-
-
-def new_native_state() -> ctypes.Structure:
-    """An empty `struct plant_state`, to be passed by reference."""
-    return _State()
+    params: Any = _Params()
+    for wheel, values in zip(params.wheel, (robot.left, robot.right), strict=True):
+        native.fill(wheel, values)
+    for name in _SHARED:
+        native.fill(getattr(params, name), getattr(robot, name))
+    made: ctypes.Structure = params
+    return made
 
 
 def load_library(path: Path | None = None) -> ctypes.CDLL:
-    """The library with the plant, its functions declared; `LIBRARY` unless another is named."""
-    return _load(str(path or LIBRARY))
+    """The library with the plant, its functions declared; `native.LIBRARY` unless another is named.
 
-
-@functools.cache
-def _load(path: str) -> ctypes.CDLL:
+    Raises
+    ------
+    PlantError : it is not there.
+    """
+    path = path or native.LIBRARY
     try:
-        library = ctypes.CDLL(path)
+        return native.load(path)
     except OSError as error:
         raise PlantError(f"no plant library at {path} ({error}); ./run setup builds it") from error
-    pointer = ctypes.c_void_p
-    signatures: dict[str, tuple[Any, list[Any]]] = {
-        "plant_params_msrp": (None, [pointer]),
-        "plant_params_problem": (ctypes.c_char_p, [pointer]),
-        "plant_create": (pointer, [pointer, ctypes.c_uint64]),
-        "plant_destroy": (None, [pointer]),
-        "plant_set_bridge": (None, [pointer, ctypes.c_int, ctypes.c_double, ctypes.c_double]),
-        "plant_advance": (None, [pointer, ctypes.c_uint64]),
-        "plant_encoder_position": (ctypes.c_int64, [pointer, ctypes.c_int]),
-        "plant_battery_v": (ctypes.c_double, [pointer]),
-        "plant_state": (None, [pointer, pointer]),
-    }
-    for name, (result, arguments) in signatures.items():
-        function = getattr(library, name)
-        function.restype = result
-        function.argtypes = arguments
-    return library
 
 
 class Plant:
@@ -257,7 +214,7 @@ class Plant:
     seed
         Decides where the encoders' edges are misplaced and the noise of the sensed voltage.
     library
-        Another build of the plant than `LIBRARY`.
+        Another build of the plant than `native.LIBRARY`.
     """
 
     def __init__(
@@ -269,7 +226,7 @@ class Plant:
         problem = self.robot.problem(library)
         if problem is not None:
             raise PlantError(problem)
-        self._handle = self._library.plant_create(ctypes.byref(to_native(self.robot)), seed)
+        self._handle = self._library.plant_create(ctypes.byref(params_of(self.robot)), seed)
         if self._handle is None:
             raise MemoryError("plant_create")
 
@@ -297,7 +254,7 @@ class Plant:
         self.advance(round(duration_s / STEP_S))
 
     def encoder(self, wheel: int) -> int:
-        """Quadrature counts (x4) since the start: the sensor, not the truth."""
+        """Quadrature counts (x4) since the start, with the sensor's errors."""
         return int(self._library.plant_encoder_position(self._handle, wheel))
 
     def battery_v(self) -> float:
@@ -305,7 +262,7 @@ class Plant:
         return float(self._library.plant_battery_v(self._handle))
 
     def state(self) -> PlantState:
-        """Return the truth."""
-        native = new_native_state()
-        self._library.plant_state(self._handle, ctypes.byref(native))
-        return state_from_native(native)
+        """Return the true state."""
+        state = native.new(PlantState)
+        self._library.plant_state(self._handle, ctypes.byref(state))
+        return native.from_struct(PlantState, state)

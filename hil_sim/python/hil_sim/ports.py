@@ -30,7 +30,7 @@ class Port(Protocol):
 
 
 class TcpPort:
-    """A listening socket with at most one client at a time; a second one is told so and sent away.
+    """A listening socket with at most one client at a time; a second one is refused with the reason.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class TcpPort:
         return data
 
     def send(self, data: bytes) -> None:
-        """Send to the client; without one the bytes are lost, as on a line that nobody listens to."""
+        """Send to the client; without one the bytes are lost, as on an open line."""
         if self._client is None:
             return
         self._out += data
@@ -112,7 +112,7 @@ class TcpPort:
         self._announce(f"client {name} connected")
 
     def _refuse(self, client: socket.socket) -> None:
-        """Say why, and read on until the other side has closed.
+        """Send the reason, and read on until the other side has closed.
 
         To close at once would reset the connection over what the client had already sent, and it
         could lose the reason.
@@ -180,7 +180,7 @@ class PtyPort:
         self._master, slave = os.openpty()
         tty.setraw(slave, termios.TCSANOW)
         self.name = os.ttyname(slave)
-        os.close(slave)  # from here on the master tells by POLLHUP whether somebody has the other end open
+        os.close(slave)  # from here on POLLHUP on the master shows whether the other end is open
         os.set_blocking(self._master, False)
         self._link = link
         self._in = bytearray()
@@ -197,7 +197,7 @@ class PtyPort:
         announce(f"terminal at {link or self.name}")
 
     def ready(self, file: object) -> None:
-        """Nothing: the terminal is polled, because a hung-up one is always ready."""
+        """Do nothing: the terminal is polled, because a hung-up one is always ready."""
 
     def received(self) -> bytes:
         """Return what was typed or sent since the last call."""

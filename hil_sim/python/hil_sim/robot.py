@@ -8,13 +8,13 @@ import math
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hil_sim import native
 from hil_sim.can_bus import VirtualCanBus
 from hil_sim.elf import Image
-from hil_sim.hidden import HiddenEffects, hidden_to_native
-from hil_sim.plant import PlantState, RobotParameters, new_native_state, state_from_native, to_native
+from hil_sim.plant import PlantState, RobotParameters, params_of
+from hil_sim.unmodelled_effects import UnmodelledEffects
 
 if TYPE_CHECKING:
     from hil_sim.recorded import Samples
@@ -22,42 +22,45 @@ if TYPE_CHECKING:
 DEFAULT_BOARD_ID = bytes.fromhex("3930325547310a0000000001")
 """Unique id of a virtual board unless another is given."""
 
-EXCEPTIONS = 98
-"""Exception numbers of the STM32F405: 16 of the core and 82 of the chip."""
+_CONSTANTS = native.HEADERS.constants
+
+EXCEPTIONS = _CONSTANTS["BOARD_EXCEPTIONS"]
+"""Exception numbers of the STM32F405: 16 of the CPU and 82 of the chip."""
 
 _BUFFER_SIZE = 4096
-_MOST_PPM = 500.0
+_MAX_PPM = 500.0
 _FLASH = range(0x08000000, 0x08100000)
 
 
 class VirtualRobotError(RuntimeError):
-    """A virtual robot that cannot be made, or that was asked for something it does not have."""
+    """A virtual robot that cannot be made, or a request that it cannot fulfil."""
 
 
 class ResetCause(enum.IntEnum):
-    """Ways to reset a board; `enum board_reset` of board.h."""
+    """Ways to reset a board."""
 
-    POWER = 0
-    BROWNOUT = 1
-    PIN = 2
-    SOFTWARE = 3
-    WATCHDOG = 4
+    POWER = _CONSTANTS["BOARD_RESET_POWER"]
+    BROWNOUT = _CONSTANTS["BOARD_RESET_BROWNOUT"]
+    PIN = _CONSTANTS["BOARD_RESET_PIN"]
+    SOFTWARE = _CONSTANTS["BOARD_RESET_SOFTWARE"]
+    WATCHDOG = _CONSTANTS["BOARD_RESET_WATCHDOG"]
 
 
 class EncoderFault(enum.IntEnum):
-    """What can be wrong with an encoder's plug or disc; `enum rig_encoder_fault` of rig.h."""
+    """Faults of an encoder's plug or disc."""
 
-    GOOD = 0
-    UNPLUGGED = 1
-    FROZEN = 2
-    REVERSED = 3
-    PHASE_A_DROPPED = 4
-    PHASE_B_DROPPED = 5
+    GOOD = _CONSTANTS["RIG_ENCODER_GOOD"]
+    UNPLUGGED = _CONSTANTS["RIG_ENCODER_UNPLUGGED"]
+    FROZEN = _CONSTANTS["RIG_ENCODER_FROZEN"]
+    REVERSED = _CONSTANTS["RIG_ENCODER_REVERSED"]
+    PHASE_A_DROPPED = _CONSTANTS["RIG_ENCODER_PHASE_A"]
+    PHASE_B_DROPPED = _CONSTANTS["RIG_ENCODER_PHASE_B"]
 
 
+@native.mirror("board_cost")
 @dataclass(frozen=True)
 class ExceptionCost:
-    """What one exception number has cost so far; nested exceptions are not counted in."""
+    """Cost of one exception number so far, without nested exceptions."""
 
     activations: int
     instructions: int
@@ -66,6 +69,7 @@ class ExceptionCost:
     worst_cycles: int
 
 
+@native.mirror("board_stats")
 @dataclass(frozen=True)
 class BoardStats:
     """Totals of a board since its creation."""
@@ -77,14 +81,14 @@ class BoardStats:
     tail_chains: int
     registers: int
     resets: int
-    core_hz: int
+    cpu_hz: int
     locked_up: bool
     powered: bool
 
 
 @dataclass(frozen=True)
 class BoardWarning:
-    """An oddity the board met: a register nobody models, a peripheral without its clock, and the like."""
+    """A warning of the board: a register not modelled, a peripheral without its clock, and the like."""
 
     text: str
     hits: int
@@ -103,6 +107,10 @@ class VirtualRobot:
     crystal_ppm : how much faster than 8 MHz it is, in steps of 0.125; within 500 either way.
     connected : False leaves the board alone on the bench: no motors, encoders or battery.
     library : another build of the native library.
+
+    Attributes
+    ----------
+    can_bus : the CAN bus that the board is plugged into (`VirtualCanBus.attach`), or None.
 
     Raises
     ------
@@ -124,7 +132,7 @@ class VirtualRobot:
         library: Path | None = None,
     ) -> None:
         self._rig: int | None = None
-        self._bus: VirtualCanBus | None = None
+        self.can_bus: VirtualCanBus | None = None
         if len(board_id) != 12:
             raise VirtualRobotError(f"a board id has 12 bytes, not {len(board_id)}")
         _check_ppm(crystal_ppm)
@@ -135,7 +143,7 @@ class VirtualRobot:
         problem = self.robot.problem(library) if connected else None
         if problem is not None:
             raise VirtualRobotError(problem)
-        parameters = ctypes.byref(to_native(self.robot)) if connected else None
+        parameters = ctypes.byref(params_of(self.robot)) if connected else None
         self._rig = self._library.rig_create(parameters, seed & (2**64 - 1), board_id, crystal)
         if self._rig is None:
             raise VirtualRobotError("the CPU engine of the virtual board does not start")
@@ -150,8 +158,8 @@ class VirtualRobot:
     def close(self) -> None:
         """Free the board; nothing may be called afterwards."""
         if self._rig is not None:
-            if self._bus is not None:
-                self._bus.detach(self)
+            if self.can_bus is not None:
+                self.can_bus.detach(self)
             self._library.rig_destroy(self._rig)
             self._rig = None
 
@@ -179,19 +187,19 @@ class VirtualRobot:
         return self.time_us * 1e-6
 
     def run_us(self, n: int) -> None:
-        """Advance virtual time by `n` microseconds; how a span is split into calls changes nothing.
+        """Advance virtual time by `n` microseconds; the result does not depend on how a span is split.
 
         On a CAN bus the time of all its boards advances.
         """
-        if self._bus is not None:
-            self._bus.run_us(n)
+        if self.can_bus is not None:
+            self.can_bus.run_us(n)
             return
         self._library.rig_run_us(self._rig, n)
 
     @property
-    def can_bus(self) -> VirtualCanBus | None:
-        """The CAN bus that the board is plugged into."""
-        return self._bus
+    def rig_handle(self) -> int | None:
+        """Board and wiring in the native library, for a CAN bus."""
+        return self._rig
 
     # the link (USART3)
 
@@ -214,7 +222,7 @@ class VirtualRobot:
         """Set the speed of the host's port, 921600 at first; 0 cuts the cable."""
         self._library.rig_link_baud(self._rig, baud)
 
-    # looking inside, as a debugger does
+    # access as a debugger has it
 
     def symbol(self, name: str) -> tuple[int, int]:
         """Return address and size of a symbol of the image."""
@@ -250,10 +258,10 @@ class VirtualRobot:
         return float(self._library.board_next_tick_ps(self._board)) * 1e-6
 
     def cost(self, exception: int) -> ExceptionCost:
-        """Return what an exception number has cost: 0 thread mode, 15 SysTick, 16 + n interrupt n."""
-        cost = native.Cost()
+        """Return the cost of an exception number: 0 thread mode, 15 SysTick, 16 + n interrupt n."""
+        cost = native.new(ExceptionCost)
         self._library.board_cost(self._board, exception, ctypes.byref(cost))
-        return ExceptionCost(**_fields(cost))
+        return native.from_struct(ExceptionCost, cost)
 
     def costs(self) -> dict[int, ExceptionCost]:
         """Return the cost of thread mode and of every exception number that was ever active."""
@@ -262,12 +270,12 @@ class VirtualRobot:
 
     def stats(self) -> BoardStats:
         """Return the board's totals."""
-        stats = native.Stats()
+        stats = native.new(BoardStats)
         self._library.board_stats(self._board, ctypes.byref(stats))
-        return BoardStats(**_fields(stats))
+        return native.from_struct(BoardStats, stats)
 
     def warnings(self) -> list[BoardWarning]:
-        """Return what the board found odd so far, each oddity once."""
+        """Return the board's warnings so far, each once."""
         found: list[BoardWarning] = []
         hits = ctypes.c_uint64()
         while (text := self._library.board_warning(self._board, len(found), ctypes.byref(hits))) is not None:
@@ -277,24 +285,24 @@ class VirtualRobot:
     # the robot
 
     def truth(self) -> PlantState:
-        """Return the true state of the robot, which no sensor sees."""
-        state = new_native_state()
+        """Return the true state of the robot, which no sensor measures."""
+        state = native.new(PlantState)
         self._library.rig_truth(self._rig, ctypes.byref(state))
-        return state_from_native(state)
+        return native.from_struct(PlantState, state)
 
-    def hide(self, hidden: HiddenEffects) -> None:
+    def set_unmodelled_effects(self, effects: UnmodelledEffects) -> None:
         """Give the robot effects beyond its parameters from now on."""
-        made = hidden_to_native(hidden)
-        if not self._library.rig_hide(self._rig, ctypes.byref(made)):
-            problem = self._library.plant_hidden_problem(ctypes.byref(made))
+        made = native.to_struct(effects)
+        if not self._library.rig_set_unmodelled_effects(self._rig, ctypes.byref(made)):
+            problem = self._library.plant_unmodelled_effects_problem(ctypes.byref(made))
             raise VirtualRobotError("no robot is connected" if problem is None else problem.decode())
 
     def place(self, x_m: float, y_m: float, theta_rad: float) -> None:
-        """Lift the robot and put it down elsewhere."""
+        """Move the robot to another pose."""
         self._library.rig_place(self._rig, x_m, y_m, theta_rad)
 
     def record(self, longest_s: float, interval_s: float = 1e-3) -> None:
-        """Write down the robot's truth from now on, for so long at most."""
+        """Record the robot's true state from now on, for at most this long."""
         import numpy as np
 
         from hil_sim.recorded import SAMPLE, steps_of
@@ -305,7 +313,7 @@ class VirtualRobot:
         )
 
     def recorded(self) -> Samples:
-        """Return what has been written down since `record`; at least an empty array."""
+        """Return the samples recorded since `record`; at least an empty array."""
         return self._samples[: int(self._library.rig_recorded(self._rig))]
 
     def bridge(self, wheel: int) -> tuple[float, float]:
@@ -318,7 +326,7 @@ class VirtualRobot:
         """Return the level of the status LED's pin (PC12); below 0: not driven."""
         return float(self._library.rig_led(self._rig))
 
-    # faults; each holds from now until it is taken back
+    # faults; each acts from now until it is removed
 
     def set_encoder_fault(self, wheel: int, fault: EncoderFault) -> None:
         """Break (or mend) an encoder; the counts themselves do not jump."""
@@ -352,11 +360,11 @@ class VirtualRobot:
         self._library.rig_hold_wheel(self._rig, wheel, torque_nm)
 
     def set_battery_sense_connected(self, connected: bool) -> None:
-        """Break or mend the divider's wire: the ADC then sees 0 V while the motors keep their supply."""
+        """Break or mend the divider's wire: the ADC then reads 0 V while the motors keep their supply."""
         self._library.rig_battery_sense_connected(self._rig, connected)
 
     def set_bench_voltage(self, volts: float | None) -> None:
-        """Let the divider see a bench supply instead of the battery; None: the battery again."""
+        """Connect the divider to a bench supply instead of the battery; None: the battery again."""
         self._library.rig_bench_voltage(self._rig, -1.0 if volts is None else volts)
 
     def set_crystal_alive(self, alive: bool) -> None:
@@ -389,7 +397,7 @@ class VirtualRobot:
         self._library.board_set_flash_slow(self._board, slow)
 
     def set_adc_dead(self, dead: bool) -> None:
-        """Let no conversion of an ADC end any more, or again."""
+        """Stop every ADC from completing conversions, or let them complete again."""
         self._library.board_set_adc_dead(self._board, dead)
 
     def set_interrupt_stuck(self, irq: int, stuck: bool) -> None:
@@ -416,9 +424,6 @@ class VirtualRobot:
 
 
 def _check_ppm(ppm: float) -> None:
-    if not abs(ppm) <= _MOST_PPM:
-        raise VirtualRobotError(f"no crystal is {ppm:g} ppm off: within {_MOST_PPM:g} ppm")
+    if not abs(ppm) <= _MAX_PPM:
+        raise VirtualRobotError(f"a crystal error of {ppm:g} ppm is beyond {_MAX_PPM:g} ppm")
 
-
-def _fields(native_struct: ctypes.Structure) -> dict[str, Any]:
-    return {str(field[0]): getattr(native_struct, str(field[0])) for field in native_struct._fields_}

@@ -15,9 +15,9 @@ from hil_sim.robot import VirtualRobot
 from hil_sim.slcan import SlcanPort
 
 SLICE_US = 1000
-"""Virtual time that passes between two looks at the ports, microseconds."""
+"""Virtual time between two polls of the ports, microseconds."""
 
-_LONGEST_LAG_S = 0.2  # a host slower than this drops behind and is not chased afterwards
+_LONGEST_LAG_S = 0.2  # a lag beyond this is accepted and not made up for
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ class Server:
             raise
 
     def close(self) -> None:
-        """Close the ports; the robot stays as it is."""
+        """Close the ports; the robot is unchanged."""
         for port in self._ports:
             port.close()
         if self.slcan is not None:
@@ -95,7 +95,7 @@ class Server:
         self._selector.close()
 
     def run(self, stop: Callable[[], bool] = lambda: False) -> None:
-        """Serve until `stop` says so or Ctrl-C; the ports are closed afterwards."""
+        """Serve until `stop` returns True or Ctrl-C; the ports are closed afterwards."""
         try:
             with contextlib.suppress(KeyboardInterrupt):
                 self._run(stop)
@@ -121,7 +121,7 @@ class Server:
                 port.send(sent)
 
     def _collect(self, wait_s: float) -> None:
-        """Take in what clients sent; wait for the slice's time to come, however much they send."""
+        """Read from the clients until the slice is due, however much they send."""
         until = time.monotonic() + wait_s
         while True:
             for key, _ in self._selector.select(max(0.0, until - time.monotonic())):

@@ -13,7 +13,7 @@ from hil_sim.ports import PtyPort
 _BIT_RATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)
 _OK, _BELL = b"\r", b"\a"
 _BACKLOG_LIMIT = 1 << 20
-_DATA_MOST = 8
+_DATA_MAX = 8
 
 
 class SlcanPort:
@@ -44,7 +44,7 @@ class SlcanPort:
         self.taken = self.passed_on = 0
 
     def exchange(self) -> None:
-        """Carry out what the client has asked for, and pass on what the bus has brought."""
+        """Execute the client's commands, and pass on the frames of the bus."""
         *lines, self._begun = (self._begun + self._pty.received()).split(b"\r")
         for line in lines:
             self._out += self._obey(line)
@@ -59,7 +59,7 @@ class SlcanPort:
         self._pty.close()
 
     def _flush(self) -> None:
-        """Keep what a full terminal does not take: an adapter's own memory does the same."""
+        """Keep what a full terminal does not take, as an adapter's memory does."""
         if self._out:
             del self._out[: self._pty.send_some(bytes(self._out[:4096]))]
         if len(self._out) > _BACKLOG_LIMIT:
@@ -95,7 +95,7 @@ class SlcanPort:
             data = b"" if remote else bytes.fromhex(rest[digits + 1 :].decode("ascii"))
         except ValueError:
             return _BELL
-        if not self._open or length > _DATA_MOST or (not remote and len(data) != length):
+        if not self._open or length > _DATA_MAX or (not remote and len(data) != length):
             return _BELL
         with contextlib.suppress(ValueError):
             if self._bus.write(CanFrame(can_id, data, extended=digits == 8, remote=remote)):

@@ -9,8 +9,11 @@ from __future__ import annotations
 
 import importlib
 import keyword
+import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import click
 
@@ -19,7 +22,7 @@ from truing.errors import TruingError
 
 # Name, and the line that `truing --help` shows, in the order a newcomer meets them.
 COMMANDS: dict[str, str] = {
-    "demo": "The whole chain once: board, run, log, numbers, pictures.",
+    "demo": "The whole chain once; then a concealed effect, found and modelled.",
     "view": "See and drive the robot in the browser.",
     "board": "Start a virtual board for other programs to connect to.",
     "ports": "List where a board may be.",
@@ -113,10 +116,31 @@ def group(ctx: click.Context, port: str, as_json: bool, verbose: int) -> None:
     ctx.obj = App(port=port, as_json=as_json, verbose=verbose)
 
 
+@contextmanager
+def ended_like_ctrl_c() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end the block as Ctrl-C does, so that what has to be undone is undone.
+
+    By default they end Python where it stands: motors keep their last effort until the board's own time-out,
+    a link to a pseudo-terminal stays behind. A signal that the caller ignores (nohup) stays ignored.
+    """
+    changed = []
+    if threading.current_thread() is threading.main_thread():  # Python lets no other thread do it
+        for number in (signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) is signal.SIG_DFL:
+                signal.signal(number, signal.default_int_handler)
+                changed.append(number)
+    try:
+        yield
+    finally:
+        for number in changed:
+            signal.signal(number, signal.SIG_DFL)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 1 board or link failed, 2 bad input, 130 interrupted."""
     try:
-        code = group.main(args=arguments, prog_name="truing", standalone_mode=False)
+        with ended_like_ctrl_c():
+            code = group.main(args=arguments, prog_name="truing", standalone_mode=False)
         sys.exit(code if isinstance(code, int) else 0)
     except click.exceptions.Abort:
         click.echo("interrupted", err=True)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from truing.device import Device
+    from truing.board.device import Device
 
 LOGGER = logging.getLogger("truing")
 
@@ -84,8 +84,8 @@ class App:
         lasting : the command is about a board that was there before and stays; a virtual board
             made here is neither, and the user is told.
         """
-        from truing.device import Device
-        from truing.link.connect import VirtualOptions
+        from truing.board.device import Device
+        from truing.virtual.options import VirtualOptions
 
         if lasting and self.is_virtual:
             self.note(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from pathlib import Path
 
@@ -79,8 +80,8 @@ def command(
     """
     from hil_sim.serve import ServeOptions, Server
     from truing.errors import PortError
-    from truing.link.connect import VirtualOptions
-    from truing.virtual_board import make_virtual_robot
+    from truing.virtual.board import make_virtual_robot
+    from truing.virtual.options import VirtualOptions
 
     address = _address(tcp)
     if address is None and not pty and link is None and can is None:
@@ -98,19 +99,20 @@ def command(
                 f"{where}: cannot be opened ({error.strerror or error})",
                 "another virtual board may be running; choose another with --tcp PORT (0: any free one)",
             ) from error
-        ports = []
-        if server.tcp is not None:
-            ports.append(f"tcp:{server.tcp.address[0]}:{server.tcp.address[1]}")
-        if server.pty is not None:
-            ports.append(str(link or server.pty.name))
-        if can is not None:
-            ports.append(f"can:slcan:{can}")
-        app.emit({"ports": ports})
-        for port in ports:
-            app.say(f"connect with: truing --port {port} info")
-        # Whoever started this in the background waits for these lines.
-        sys.stdout.flush()
-        server.run()
+        with contextlib.closing(server), contextlib.suppress(KeyboardInterrupt):
+            ports = []
+            if server.tcp is not None:
+                ports.append(f"tcp:{server.tcp.address[0]}:{server.tcp.address[1]}")
+            if server.pty is not None:
+                ports.append(str(link or server.pty.name))
+            if can is not None:
+                ports.append(f"can:slcan:{can}")
+            app.emit({"ports": ports})
+            for port in ports:
+                app.say(f"connect with: truing --port {port} info")
+            # Whoever started this in the background waits for these lines.
+            sys.stdout.flush()
+            server.run()
     app.note("virtual board stopped")
 
 

@@ -27,7 +27,7 @@ def command(app: App, do_fix: bool, yes: bool) -> None:
       truing --port /dev/ttyUSB0 check
       truing --port /dev/ttyUSB0 check --fix
     """
-    from truing.first_check import Hand, Person, check_robot, fix
+    from truing.board.wiring_check import Hand, Person, check_robot, fix
 
     with app.open_device() as device:
         robot = getattr(device.client.stream, "board", None)

@@ -30,7 +30,7 @@ def command(app: App, seconds: float, crystal_ppm: float) -> None:
       truing --port /dev/ttyUSB0 clock --seconds 60 --json
       truing clock --crystal-ppm 37               a virtual board with a crystal that is 37 ppm fast
     """
-    from truing.clock_stamp import host_utc
+    from truing.clock.stamp import host_utc
     from truing.errors import TruingError
 
     if crystal_ppm and not app.is_virtual:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,8 +15,8 @@ import click
 from truing.cli.app import App, pass_app
 
 if TYPE_CHECKING:
-    from truing.diagnose.result import Diagnosis
-    from truing.recording import Wheel
+    from truing.diagnose.present.text import Section
+    from truing.recording.run import Wheel
 
 LINE_WIDTH = 100
 
@@ -101,26 +101,28 @@ def command(
     # Set before numpy is loaded: the matrices here are small, and threads of their own only get in the way.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with _one_line_errors():
-        from truing.diagnose.exports import parse_exports, write_exports
-        from truing.diagnose.session import Options, diagnose_recordings, read_for_diagnosis
+        from truing.diagnose.diagnosis_input import Options, read_input
+        from truing.diagnose.engine import diagnose
+        from truing.diagnose.present.exports import parse_exports, write_exports
+        from truing.diagnose.present.text import sections
         from truing.diagnose.simulation.warm import compile_once
-        from truing.recording_writer import replace_file
+        from truing.recording.writer import replace_file
 
         wanted = parse_exports(exports)
-        recordings = read_for_diagnosis(runs, model)
+        recordings = read_input(runs, model)
         if commanded and (wheels_only or wheel is not None or sim_runs is not None):
             raise click.UsageError("--commanded goes without --wheel, --wheels-only and --sim-runs")
         options = Options(sim_runs, wheels_only, jobs, floor_m, commanded, wheel)
         compile_once(app.note)
         with app.progress("diagnosing") as progress:
-            diagnosis = diagnose_recordings(recordings, options, progress)
-        _say(app, diagnosis)
+            diagnosis = diagnose(recordings, options, progress)
+        say_sections(app, sections(diagnosis))
         if json_path is not None:
             text = json.dumps(diagnosis.to_json(), indent=2, allow_nan=False) + "\n"
             replace_file(json_path, text.encode("utf-8"))
             app.say(f"written: {json_path}")
         if report_path is not None:
-            from truing.diagnose.report import save_report
+            from truing.diagnose.present.page import save_report
 
             save_report(recordings, diagnosis, report_path)
             app.say(f"written: {report_path}")
@@ -130,7 +132,7 @@ def command(
             replace_file(next_run, diagnosis.next_experiment.plan.to_toml().encode("utf-8"))
             app.say(f"written: {next_run}")
         elif next_run is not None:
-            app.say(f"not written: {next_run} (there is nothing left to tell apart)")
+            app.say(f"not written: {next_run} (no ambiguity is left)")
     app.emit(diagnosis.to_json())
 
 
@@ -147,10 +149,9 @@ def _one_line_errors() -> Iterator[None]:
         raise
 
 
-def _say(app: App, diagnosis: Diagnosis) -> None:
-    from truing.diagnose.words import sections
-
-    for section in sections(diagnosis):
+def say_sections(app: App, sections: Iterable[Section]) -> None:
+    """Print what is to say of a diagnosis, in lines of one width."""
+    for section in sections:
         app.say(section.title)
         for line in section.lines:
             for part in textwrap.wrap(line, LINE_WIDTH, initial_indent="  ", subsequent_indent="    "):

@@ -11,11 +11,11 @@ import click
 from truing.cli.app import App
 
 if TYPE_CHECKING:
-    from truing.board_state import Parameter
-    from truing.device import Device
+    from truing.board.device import Device
+    from truing.board.run_saver import FetchedLog
+    from truing.board.state import Parameter
     from truing.plan import Plan
-    from truing.recording import Run
-    from truing.run_saver import FetchedLog
+    from truing.recording.run import Run
 
 
 @dataclass(frozen=True)
@@ -54,9 +54,9 @@ def warn_and_ask(
     app: App, device: Device, parameters: dict[str, Parameter], plan: Plan, *, ask: bool
 ) -> None:
     """Say how much floor the plan needs and how fast it goes; ask a person before a real robot moves."""
+    from truing.board.run_saver import motion_model
     from truing.errors import Interrupted
     from truing.floor import estimate_floor
-    from truing.run_saver import motion_model
 
     where = "virtual board" if app.is_virtual else device.info.board_name
     app.note(f"{plan.name} on {device.info.port} ({where}): {plan.title}")
@@ -80,18 +80,16 @@ def drive_on(
     From before the start until the log is here, Ctrl-C stops the wheels and ends the command.
     `quiet` leaves the progress to a caller who drives several plans.
     """
-    from truing.drive import Interrupts, drive
-    from truing.run_saver import baseline_text, fetch_log, run_of, save_run
+    from truing.board.drive import Interrupts, drive
+    from truing.board.run_saver import baseline_text, fetch_log, run_of, save_run
     from truing.workspace import recording_folder
 
     interrupts = Interrupts()
-    with interrupts.caught():
+    with interrupts.caught(), device.client.interrupted_by(lambda: interrupts.requested):
         with app.progress("driving", shown=not quiet) as progress:
             driven = drive(device, plan, interrupts=interrupts, progress=progress, say=app.note)
-        device.client.interrupted = lambda: interrupts.requested
         with app.progress("fetching", shown=not quiet) as progress:
             fetched = fetch_log(device, driven.log_id, progress)
-    device.client.interrupted = lambda: False
     seed = app.seed if app.is_virtual else None
     run = run_of(device, fetched, label, parameters=parameters, plan=plan, seed=seed)
     folder = folder or recording_folder(None if app.is_virtual else device.info.board_id)

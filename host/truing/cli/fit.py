@@ -64,7 +64,7 @@ def command(
         models.robot_model().save(out)
         app.say(f"written: {out}")
     if report is not None:
-        from truing.fit_report import save_fit
+        from truing.report.fit_page import save_fit
 
         with app.progress("writing") as progress:
             written = save_fit(recordings, models, report, progress)

@@ -54,7 +54,7 @@ def command(app: App, runs: Path, model: Path | None, out: Path | None) -> None:
     for line in unstepped(result):
         app.say(line)
     if out is not None:
-        from truing.identify.output import save_identification
+        from truing.report.identification_files import save_identification
 
         with app.progress("drawing") as progress:
             for path in save_identification(recordings, result, out, progress):

@@ -80,7 +80,7 @@ def command(
     """
     from truing.errors import OutputError
     from truing.importers import ImportOptions, import_file
-    from truing.recording_writer import next_run_path, write_run
+    from truing.recording.writer import next_run_path, write_run
 
     if any((out / "runs").glob("*.csv")):
         raise OutputError(out, "already holds runs", "Give --out a new folder")

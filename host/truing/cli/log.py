@@ -12,8 +12,8 @@ from truing.cli.options import board_options
 from truing_protocol import LogEnd, LogTriggerState
 
 if TYPE_CHECKING:
-    from truing.board_state import BoardLog
-    from truing.log_trigger import LogTrigger
+    from truing.board.log_trigger import LogTrigger
+    from truing.board.state import BoardLog
 
 
 @click.group(no_args_is_help=True)
@@ -94,16 +94,19 @@ def fetch(app: App, log_id: int | None, folder: Path | None, name: str, raw: Pat
       truing --port /dev/ttyUSB0 log fetch
       truing --port /dev/ttyUSB0 log fetch 3 --set my_robot --name reversals
     """
-    from truing.clock_probe import ClockProbe
-    from truing.clock_stamp import STAMP_S, clock_stamp
-    from truing.drive import Interrupts
-    from truing.recording_writer import replace_file
-    from truing.run_saver import baseline_text, fetch_log, other_boots, run_of, save_run
+    from truing.board.drive import Interrupts
+    from truing.board.run_saver import baseline_text, fetch_log, other_boots, run_of, save_run
+    from truing.clock.probe import ClockProbe
+    from truing.clock.stamp import STAMP_S, clock_stamp
+    from truing.recording.writer import replace_file
     from truing.workspace import recording_folder
 
     interrupts = Interrupts()
-    with app.open_device() as device, interrupts.caught():
-        device.client.interrupted = lambda: interrupts.requested
+    with (
+        app.open_device() as device,
+        interrupts.caught(),
+        device.client.interrupted_by(lambda: interrupts.requested),
+    ):
         for stale in other_boots(device):
             app.note(f"the board started anew since a download was cut: what had arrived is still in {stale}")
         probe = ClockProbe(device.client)

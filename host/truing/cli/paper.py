@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from truing.identify.tables import PlainTable
-    from truing.paper_tests import LevelComparison
+    from truing.studies.bakirci_tests import LevelComparison
 
 Draw: TypeAlias = Callable[[Path], Path]
 
@@ -53,12 +53,12 @@ def _replay(app: App, folder: Path | None, yes: bool) -> None:
 
     from truing.cli.driving import drive_on, warn_and_ask
     from truing.identify.identification import identify_set
-    from truing.paper_gains import study_gains
-    from truing.paper_models import study_models
-    from truing.paper_tests import PAPER_TESTS, compare, gain_errors, tau_to_zero_s
-    from truing.paper_views import gain_sentences, gain_tables, model_sentences, model_tables
     from truing.plan import load_plan
-    from truing.recording_reader import read_recording_set
+    from truing.recording.reader import read_recording_set
+    from truing.studies.bakirci_gains import study_gains
+    from truing.studies.bakirci_models import study_models
+    from truing.studies.bakirci_tests import PAPER_TESTS, compare, gain_errors, tau_to_zero_s
+    from truing.studies.tables import gain_sentences, gain_tables, model_sentences, model_tables
     from truing.workspace import out_folder
 
     if folder is None:
@@ -153,8 +153,8 @@ _OUT_OPTION = click.option(
 
 def _save(out: Path | None, name: str, tables: Sequence[PlainTable], draw: Draw) -> list[str]:
     """Write the picture and the tables; returns where."""
-    from truing.pictures import save_table
-    from truing.recording_writer import replace_file
+    from truing.recording.writer import replace_file
+    from truing.report.png import save_table
     from truing.workspace import out_folder
 
     folder = out if out is not None else out_folder() / "paper_study"
@@ -178,9 +178,9 @@ def gains(app: App, out: Path | None) -> None:
     Example:
       truing paper gains
     """
-    from truing.paper_gains import study_gains
-    from truing.paper_plots import save_gains
-    from truing.paper_views import gain_sentences, gain_tables
+    from truing.studies.bakirci_gains import study_gains
+    from truing.studies.plots import save_gains
+    from truing.studies.tables import gain_sentences, gain_tables
 
     study = study_gains()
     tables = gain_tables(study)
@@ -201,9 +201,9 @@ def mom(app: App, out: Path | None) -> None:
     Example:
       truing paper mom
     """
-    from truing.paper_mom import study_mom
-    from truing.paper_plots import save_mom
-    from truing.paper_views import mom_sentences, mom_tables
+    from truing.studies.mom_odometry import study_mom
+    from truing.studies.plots import save_mom
+    from truing.studies.tables import mom_sentences, mom_tables
 
     study = study_mom()
     tables = mom_tables(study)
@@ -231,10 +231,10 @@ def models(app: App, runs: Path | None, out: Path | None) -> None:
       truing paper models --runs out/recordings/board-1a2b3c4d
     """
     from truing.errors import IdentifyError
-    from truing.paper_models import study_models
-    from truing.paper_plots import save_models
-    from truing.paper_views import model_sentences, model_tables
-    from truing.recording_reader import read_recording_set
+    from truing.recording.reader import read_recording_set
+    from truing.studies.bakirci_models import study_models
+    from truing.studies.plots import save_models
+    from truing.studies.tables import model_sentences, model_tables
     from truing.workspace import out_folder
 
     folder = runs if runs is not None else out_folder() / "paper"

@@ -12,8 +12,8 @@ from truing.cli.app import App
 from truing.cli.options import board_options
 
 if TYPE_CHECKING:
-    from truing.board_state import Parameter, ParameterStore
-    from truing.device import Device
+    from truing.board.device import Device
+    from truing.board.state import Parameter, ParameterStore
 
 _in_file = click.option(
     "--file", "file", type=click.Path(path_type=Path), help="A TOML file in place of the board's own store."
@@ -50,7 +50,7 @@ def list_(app: App) -> None:
     """
     from rich.table import Table
 
-    from truing.board_state import format_f32
+    from truing.board.state import format_f32
 
     with app.open_device() as device:
         parameters, store = device.parameters(), device.parameter_store()
@@ -132,7 +132,7 @@ def save(app: App, file: Path | None) -> None:
 
 
 def _save_file(app: App, device: Device, file: Path) -> None:
-    from truing.parameter_file import write_parameter_file
+    from truing.board.parameter_file import write_parameter_file
 
     parameters = device.parameters()
     origin = f"Parameters of board {device.info.board_id}, firmware {device.info.firmware_version}."
@@ -155,7 +155,7 @@ def load(app: App, file: Path | None) -> None:
       truing --port /dev/ttyUSB0 params load
       truing --port /dev/ttyUSB0 params load --file mine.toml
     """
-    from truing.parameter_file import read_parameter_file, same_on_the_board
+    from truing.board.parameter_file import read_parameter_file, same_on_the_board
 
     wanted = None if file is None else read_parameter_file(file)
     with app.open_device() as device:
@@ -201,7 +201,7 @@ def diff(app: App, file: Path | None) -> None:
       truing --port /dev/ttyUSB0 params diff
       truing --port /dev/ttyUSB0 params diff --file mine.toml
     """
-    from truing.parameter_file import read_parameter_file
+    from truing.board.parameter_file import read_parameter_file
 
     other = "stored" if file is None else "file"
     wanted = None if file is None else read_parameter_file(file)
@@ -222,8 +222,8 @@ def _show_pairs(
     """Show a table of the parameters whose value differs from the number beside it."""
     from rich.table import Table
 
-    from truing.board_state import format_f32
-    from truing.parameter_file import same_on_the_board
+    from truing.board.parameter_file import same_on_the_board
+    from truing.board.state import format_f32
 
     differ = {name: pair for name, pair in pairs.items() if not same_on_the_board(pair[0].value, pair[1])}
     app.emit(

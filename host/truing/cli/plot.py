@@ -36,9 +36,9 @@ def command(app: App, runs: Path, model: Path | None, out: Path | None) -> None:
     """
     from truing.identify.identification import identify_set
     from truing.importers import read_runs
-    from truing.plot import save_png
-    from truing.report import save_report, whole_fits
-    from truing.run_view import view_run
+    from truing.report.plot import save_png
+    from truing.report.run_page import save_report, whole_fits
+    from truing.report.run_view import view_run
     from truing.workspace import out_folder
 
     recordings = read_runs(runs, model)

@@ -29,7 +29,7 @@ def command(app: App, can_bus: str | None) -> None:
         return
     from rich.table import Table
 
-    from truing.link.connect import list_ports
+    from truing.board.connect import list_ports
 
     ports = list_ports()
     app.emit([asdict(port) for port in ports])
@@ -45,9 +45,10 @@ def command(app: App, can_bus: str | None) -> None:
 def _list_nodes(app: App, where: str) -> None:
     from rich.table import Table
 
+    from truing.board.connect import open_can_bus
     from truing.link.can_address import can_address
     from truing.link.can_stream import discover
-    from truing.link.connect import VirtualOptions, open_can_bus
+    from truing.virtual.options import VirtualOptions
     from truing_protocol import SCHEMA_HASH
 
     address = can_address(where)

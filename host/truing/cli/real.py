@@ -42,10 +42,10 @@ def command(app: App, recordings: Path | None, only: tuple[str, ...], page: Path
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from truing.errors import FileError
-    from truing.real.drivetrains import set_folders
-    from truing.real.study import study_drift, study_drivetrain, study_emps, study_mrclam
-    from truing.real.tables import RealStudy, markdown, tables, undecided
-    from truing.recording_writer import replace_file
+    from truing.recording.writer import replace_file
+    from truing.studies.real.drivetrains import set_folders
+    from truing.studies.real.study import study_drift, study_drivetrain, study_emps, study_mrclam
+    from truing.studies.real.tables import RealStudy, markdown, tables, undecided
     from truing.workspace import recordings_folder
 
     folder = recordings if recordings is not None else recordings_folder()

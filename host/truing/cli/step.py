@@ -49,7 +49,7 @@ def command(
     from truing.identify.identification import identify_set
     from truing.identify.tables import result_tables
     from truing.plan import Kind, Plan, Segment
-    from truing.recording_reader import read_recording_set
+    from truing.recording.reader import read_recording_set
 
     if (effort is None) == (velocity is None):
         raise click.UsageError("give either --effort or --velocity, for example: truing step --effort 0.4")

@@ -11,7 +11,7 @@ from truing.cli.app import App
 from truing.cli.options import board_options
 
 if TYPE_CHECKING:
-    from truing.device import Device
+    from truing.board.device import Device
 
 
 @click.command()
@@ -38,9 +38,9 @@ def command(app: App, folder: Path | None, save: bool, yes: bool) -> None:
     """
     from rich.table import Table
 
-    from truing.board_state import format_f32
+    from truing.board.state import format_f32
     from truing.cli.driving import drive_on, warn_and_ask
-    from truing.tune import learn, learning_plan, proof_plan, tracking
+    from truing.identify.feedforward import learn, learning_plan, proof_plan, tracking
 
     with app.open_device(lasting=False) as device:
         parameters = device.parameters()

@@ -12,7 +12,7 @@ from truing.cli.app import App
 from truing.cli.options import json_option, virtual_options
 
 if TYPE_CHECKING:
-    from truing.web.security import Access
+    from truing.web.access.security import Access
 
 
 @click.command()
@@ -70,7 +70,7 @@ def command(
       truing --port /dev/ttyUSB0 view --no-browser
       truing view --host 0.0.0.0 --port 8080
     """
-    from truing.link.connect import VirtualOptions
+    from truing.virtual.options import VirtualOptions
     from truing.web.server import ServerOptions, serve
     from truing.web.session import ViewOptions, ViewSession
 

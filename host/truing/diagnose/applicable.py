@@ -1,56 +1,56 @@
-"""Which effects of the catalogue these recordings and this baseline allow to be judged at all."""
+"""Which effects of the catalogue are identifiable from these recordings with this baseline."""
 
 from __future__ import annotations
 
 from truing.diagnose.catalogue import CATALOGUE
-from truing.diagnose.data import SetData
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Need
 
-# What only measured wheels show, or what is one thing with a gain where none is measured.
-OF_MEASURED_WHEELS = frozenset(
+# Effects that need measured wheels: without them they are invisible, or not distinguishable from a gain.
+NEED_MEASURED_WHEELS = frozenset(
     {
         *("encoder_scale", "encoder_dropout", "encoder_eccentricity", "speed_filter"),
         *("gear_backlash", "torque_ripple", "wheel_slip", "wheel_radius_error"),
     }
 )
-# What is between two wheels.
-OF_TWO_WHEELS = frozenset({"turning_scrub", "inertia_coupling", "side_asymmetry"})
-# Below this an effect of ordinary strength would not rise out of the noise.
-FULLY = 1.0
+# Effects between the two wheels.
+NEED_BOTH_WHEELS = frozenset({"turning_scrub", "inertia_coupling", "side_asymmetry"})
+# Excitation below which an effect of moderate strength is lost in the noise.
+EXCITED = 1.0
 
 
 def applicable_effects(data: SetData) -> list[str]:
-    """Effects to try, in the catalogue's order: not in the baseline, judgeable, exercised."""
+    """Effects to test, in the catalogue's order: not in the baseline, identifiable, excited."""
     return [
         name
         for name, effect in CATALOGUE.items()
         if name not in data.baseline.effects
         and not missing_needs(data, effect)
         and effect.exercised(data) > 0.0
-        and name not in _out_of_reach(data)
+        and name not in _unidentifiable(data)
     ]
 
 
-def _out_of_reach(data: SetData) -> frozenset[str]:
-    """Effects of which these signals say nothing, whatever was driven."""
+def _unidentifiable(data: SetData) -> frozenset[str]:
+    """Effects that these signals cannot show, whatever the excitation."""
     if data.commanded:
-        return OF_MEASURED_WHEELS
-    return frozenset() if data.usable.any(axis=0).all() else OF_TWO_WHEELS
+        return NEED_MEASURED_WHEELS
+    return frozenset() if data.valid.any(axis=0).all() else NEED_BOTH_WHEELS
 
 
 def not_exercised(data: SetData) -> tuple[str, ...]:
-    """Effects that these recordings could not have shown, so that silence about them means nothing."""
+    """Effects that these recordings could not have shown: the verdict makes no statement about them."""
     applicable = applicable_effects(data)
     return tuple(name for name in CATALOGUE if name not in applicable and name not in data.baseline.effects)
 
 
 def weakly_exercised(data: SetData) -> tuple[str, ...]:
-    """Effects that only a strong form would have shown."""
-    return tuple(name for name in applicable_effects(data) if CATALOGUE[name].exercised(data) < FULLY)
+    """Effects that would have shown only if strong."""
+    return tuple(name for name in applicable_effects(data) if CATALOGUE[name].exercised(data) < EXCITED)
 
 
 def missing_needs(data: SetData, effect: Effect) -> tuple[Need, ...]:
-    """What the recordings or the baseline would have to hold before the effect can be judged."""
+    """Data that the effect needs and that recordings or baseline lack."""
     there: dict[Need, bool] = {
         "pose": data.has_truth or data.has_gyro,
         "heading": data.heading_rad is not None,

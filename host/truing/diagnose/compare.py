@@ -1,4 +1,4 @@
-"""Which of two fits explains the recordings better, by how much, how surely, and whether it matters."""
+"""Comparison of two fits: penalised log-likelihood ratio, its robust form, and the size of the difference."""
 
 from __future__ import annotations
 
@@ -7,52 +7,52 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truing.arrays import FloatArray, IntArray
 from truing.diagnose.fit import Fit
 from truing.diagnose.problem import CLIP, Problem
-from truing.model.kernel import FloatArray, IntArray
 
-# An advantage is sure beyond this many nats, also without the moment that speaks for it most. With 27
-# effects of up to four numbers tried, 10 nats come by chance less than once in a thousand sets.
-SURE_GAIN = 10.0
-# Residuals closer together than this share a block: what correlation the whitening leaves stays inside.
+# A gain is significant beyond this many nats, also without its largest block. With 27 effects of up to four
+# parameters tested, 10 nats occur by chance in fewer than one set in a thousand.
+SIGNIFICANT_GAIN = 10.0
+# Block length, s, of the block-wise statistics: correlation that whitening leaves stays within a block.
 BLOCK_S = 2.0
-# A knock against the robot fills a few whitened rows: two neighbours of this length hold it.
-MOMENT_S = 0.5
-# A knock or a slip that no encoder sees may fall on the border of two windows of the pose.
+# An impact on the robot affects a few whitened rows: two neighbouring blocks of this length contain it.
+SHORT_BLOCK_S = 0.5
+# An impact or a slip that no encoder shows may fall on the border of two pose windows.
 POSE_BLOCK_WINDOWS = 2
 
 
 @dataclass(frozen=True, slots=True)
-class Advantage:
-    """Of one fit over another.
+class Comparison:
+    """One fit compared with another.
 
     Attributes
     ----------
-    gain : whitened log-likelihood, nats, each free number paid for with half the log of the rows.
-    spread : the same without the second that speaks for it most: one moment is no evidence.
-    times_noise : largest RMS difference of the two simulations, over the noise of that signal.
+    gain : log-likelihood gain, nats, less half the log of the rows per free parameter (as in BIC).
+    robust_gain : the same without the second that contributes most.
+    times_noise : largest RMS difference of the two simulations over the noise RMS of that signal.
     """
 
     gain: float
-    spread: float
+    robust_gain: float
     times_noise: float
 
 
-def advantage(problem: Problem, one: Fit, other: Fit) -> Advantage:
-    """How much better `one` is than `other`."""
-    wheels, pose = moment_gains(problem, one, other)
+def compare_fits(problem: Problem, one: Fit, other: Fit) -> Comparison:
+    """Compare `one` with `other`; positive gains favour `one`."""
+    wheels, pose = block_gains(problem, one, other)
     rows = float((problem.counted > 0.0).sum() + 3.0 * (problem.pose_counted > 0.0).sum())
-    price = 0.5 * (one.size - other.size) * math.log(max(rows, 2.0))
-    told = problem.evidence(one.effects) - problem.evidence(other.effects)
-    gain = float(wheels.sum() + pose.sum()) - price + told
-    moment = max(float((wheels[1:] + wheels[:-1]).max(initial=0.0)), float(pose.max(initial=0.0)))
-    return Advantage(gain, gain - moment, difference(problem, one, other))
+    penalty = 0.5 * (one.size - other.size) * math.log(max(rows, 2.0))
+    direct = problem.evidence(one.effects) - problem.evidence(other.effects)
+    gain = float(wheels.sum() + pose.sum()) - penalty + direct
+    largest_block = max(float((wheels[1:] + wheels[:-1]).max(initial=0.0)), float(pose.max(initial=0.0)))
+    return Comparison(gain, gain - largest_block, largest_difference(problem, one, other))
 
 
-def moment_gains(problem: Problem, one: Fit, other: Fit) -> tuple[FloatArray, FloatArray]:
-    """Log-likelihood gain of `one` over `other`: of the wheels by moment, of the pose by pair of windows."""
+def block_gains(problem: Problem, one: Fit, other: Fit) -> tuple[FloatArray, FloatArray]:
+    """Log-likelihood gain of `one` over `other` by short block of rows, and by pair of pose windows."""
     rows, windows = _gains(one, other)
-    wheels = np.bincount(row_blocks(problem, MOMENT_S), rows)
+    wheels = np.bincount(row_blocks(problem, SHORT_BLOCK_S), rows)
     if not len(problem.pose_counted):
         return wheels.astype(float), np.zeros(0)
     pose = np.bincount(problem.simulator.pose_runs(POSE_BLOCK_WINDOWS), windows)
@@ -70,7 +70,7 @@ def run_gains(problem: Problem, one: Fit, other: Fit) -> FloatArray:
 
 
 def _gains(one: Fit, other: Fit) -> tuple[FloatArray, FloatArray]:
-    """Log-likelihood gain of `one` over `other` in each row (n,) and each window of the pose (m,)."""
+    """Log-likelihood gain of `one` over `other` in each row (n,) and each pose window (m,)."""
     a, b = one.residual, other.residual
     rows, windows = _loss(b.wheels) - _loss(a.wheels), _loss(b.pose) - _loss(a.pose)
     return 0.5 * rows.sum(axis=1), 0.5 * windows.sum(axis=1)
@@ -86,13 +86,13 @@ def row_blocks(problem: Problem, length_s: float = BLOCK_S) -> IntArray:
     return np.asarray(number, dtype=np.int64)
 
 
-def difference(problem: Problem, one: Fit, other: Fit) -> float:
-    """RMS difference of two simulations over the noise, in the signal where it is largest."""
+def largest_difference(problem: Problem, one: Fit, other: Fit) -> float:
+    """RMS difference of two simulations over the noise RMS, in the signal where it is largest."""
     return float(max(differences(problem, one, other)))
 
 
 def differences(problem: Problem, one: Fit, other: Fit) -> tuple[float, float, float]:
-    """RMS difference over noise of left speed, right speed, and pose (its most affected component)."""
+    """RMS difference over noise RMS of left speed, right speed, and the most affected pose component."""
     out = [0.0, 0.0, 0.0]
     gap = one.residual.speeds - other.residual.speeds
     for wheel in range(2):
@@ -100,9 +100,9 @@ def differences(problem: Problem, one: Fit, other: Fit) -> tuple[float, float, f
         total = max(float(weight.sum()), 1.0)
         out[wheel] = math.sqrt(float(weight @ gap[:, wheel] ** 2) / total) / float(problem.noise.rms[wheel])
     if len(problem.pose_counted):
-        apart = one.residual.pose - other.residual.pose
-        seen = max(float((problem.pose_counted > 0.0).sum()), 1.0)
-        out[2] = float(np.sqrt(np.max(np.sum(apart**2, axis=0)) / seen))
+        pose_gap = one.residual.pose - other.residual.pose
+        windows = max(float((problem.pose_counted > 0.0).sum()), 1.0)
+        out[2] = float(np.sqrt(np.max(np.sum(pose_gap**2, axis=0)) / windows))
     return out[0], out[1], out[2]
 
 

@@ -1,4 +1,4 @@
-"""What an effect of the catalogue is: its words, its parameters, and how it joins the simulation.
+"""An effect of the catalogue: its description, its parameters, and how it joins the simulation.
 
 One file in `effects/` holds one effect: a docstring with equation and source, one `EFFECT = Effect(...)`,
 and hooks. A hook is a plain function named after a stage of the simulation (`simulation/stages.py` lists
@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-from truing.diagnose.data import SetData
+from truing.diagnose.data.set_data import SetData
 
 Domain = Literal["wheel", "pose", "both"]
 Need = Literal["pose", "heading", "geometry", "angle", "vel", "equal_wheels"]
@@ -30,7 +30,7 @@ class Parameter:
 
     Attributes
     ----------
-    name : as in the contract where it is the same number; amplitudes are fitted as sine and cosine.
+    name : as in docs/DATA_FORMAT.md where it is the same number; amplitudes are fitted as sine and cosine.
     unit : of the value; "1" for ratios and fractions.
     lower, upper : bounds.
     off : where the effect vanishes.
@@ -40,7 +40,7 @@ class Parameter:
         full-effort speed (m/s), one over its square, the length of the set (s) or the time constant (s).
         Robots differ by a factor of fifty; hooks, `report` and `from_baseline` see the plain unit.
     log : positive, and better searched in its logarithm.
-    nuisance : fitted or scanned, but no parameter of the contract.
+    nuisance : fitted or scanned, but not reported.
     scan : the error is not smooth in it: take `starts` as a grid.
     fixed : it stays at the best value of that grid.
     """
@@ -65,12 +65,12 @@ def identity(values: Mapping[str, float]) -> dict[str, float]:
 
 
 def always(data: SetData) -> float:
-    """Any recording shows it."""
+    """Excited in any recording."""
     return 1.0 if len(data) else 0.0
 
 
-def silent(data: SetData) -> float:
-    """No signal says anything of it directly."""
+def no_evidence(data: SetData) -> float:
+    """No direct evidence from recorded signals."""
     return 0.0 * len(data)
 
 
@@ -80,18 +80,18 @@ class Effect:
 
     Attributes
     ----------
-    name : the contract's.
+    name : as in docs/DATA_FORMAT.md, section 5.
     title : plain words for a user.
     equation : one line, in effort units unless it says otherwise.
     source : where the equation comes from.
-    looks_like : what it looks like in recordings.
-    separated_by : the effects it is mistaken for, each with the run that tells them apart.
-    parameters : in the order of the contract.
+    signature : what it looks like in recordings.
+    separated_by : the effects it is confused with, each with the run that distinguishes them.
+    parameters : in the order of docs/DATA_FORMAT.md.
     domain : seen in the wheels' speeds, in the pose, or in both.
-    needs : what the recordings or the baseline must hold before it can be judged at all:
+    needs : what the recordings or the baseline must hold before it is identifiable:
         "pose" (truth or gyro), "heading", "geometry" (wheelbase), "angle" (wheel radius), "vel" (the
-        judged speed is the recorder's own), "equal_wheels" (the baseline has both wheels equal).
-    report : internal numbers to the contract's. It gets the effect's parameters by name and also
+        selected speed is the recorder's own), "equal_wheels" (the baseline has both wheels equal).
+    report : internal numbers to the reported ones. It gets the effect's parameters by name and also
         gain_left, tau_left, gain_right, tau_right.
     from_baseline : the numbers of an `[effect.NAME]` table to internal ones.
     exercised : 0 where these recordings could not show it, above 0 weakly, 1 or more fully.
@@ -101,16 +101,16 @@ class Effect:
     exact : any step is exact while no other effect asks for a `step_share`.
     units : units of reported parameters that are no parameter of the same name here.
     couples : it lets one wheel move the other, so that the wheels cannot be perturbed in one rollout.
-    units : of contract parameters that `report` makes.
-    extends : the simpler effect that this one contains; it is named only where that one falls short.
-    evidence : what two recorded signals say of it without any model of the robot, nats; 0 where silent.
+    extends : the simpler effect that this one contains; it is named only where its additional parameters
+        are significant.
+    evidence : log-likelihood ratio from two recorded signals without a robot model, nats; 0 without any.
     """
 
     name: str
     title: str
     equation: str
     source: str
-    looks_like: str
+    signature: str
     separated_by: Mapping[str, str]
     parameters: tuple[Parameter, ...]
     domain: Domain = "wheel"
@@ -124,14 +124,14 @@ class Effect:
     couples: bool = False
     units: Mapping[str, str] = field(default_factory=dict)
     extends: str = ""
-    evidence: Callable[[SetData], float] = silent
+    evidence: Callable[[SetData], float] = no_evidence
 
     def parameter(self, name: str) -> Parameter:
         """A parameter by its name."""
         return next(item for item in self.parameters if item.name == name)
 
     def reported(self, values: Mapping[str, float]) -> dict[str, float]:
-        """The contract's parameters for internal `values` (with the baseline's four numbers among them)."""
+        """The reported parameters for internal `values` (with the baseline's four numbers among them)."""
         if self.report is not identity:
             return self.report(values)
         return {item.name: values[item.name] for item in self.parameters if not item.nuisance}

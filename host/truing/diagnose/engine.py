@@ -4,126 +4,184 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-from truing.diagnose.adequacy import Structure, find_structure
+from truing.arrays import BoolArray
 from truing.diagnose.applicable import applicable_effects
-from truing.diagnose.between_rows import doubt_of_courses, with_courses
 from truing.diagnose.catalogue import CATALOGUE
-from truing.diagnose.data import SetData, set_data
+from truing.diagnose.data.checks import check_data
+from truing.diagnose.data.encoder_faults import find_encoder_fault, one_wheel, with_encoder_fault
+from truing.diagnose.data.recorder import at_renewals, repeated_rows
+from truing.diagnose.data.set_data import SetData, set_data
+from truing.diagnose.data.sim_runs import read_sim_runs
+from truing.diagnose.diagnosis_input import Options, without_pose
 from truing.diagnose.fit import Fit, fit
-from truing.diagnose.held_out import folds_of
-from truing.diagnose.noise import Noise, foretold_doubt, white_noise
-from truing.diagnose.problem import CLIP, Problem, base_columns, lagged_rows, noise_left, pose_spread
-from truing.diagnose.recorder import with_judged_signal
+from truing.diagnose.inter_sample_input import inter_sample_uncertainty, with_inter_sample_input
+from truing.diagnose.next_experiment import propose
+from truing.diagnose.noise import Noise, predicted_uncertainty, white_noise
+from truing.diagnose.noise_updates import noise_from_fit
+from truing.diagnose.ordered_errors import with_ordered_errors
+from truing.diagnose.present.compensation import compensate
+from truing.diagnose.problem import (
+    CLIP,
+    Problem,
+    base_columns,
+    lagged_rows,
+    robust_pose_sigma,
+)
+from truing.diagnose.profiles import Limits
 from truing.diagnose.result import Diagnosis
+from truing.diagnose.result_assembly import assemble_result
 from truing.diagnose.search import Search
+from truing.diagnose.signal_selection import with_selected_signal
 from truing.diagnose.simulation.simulator import SetSimulator
-from truing.diagnose.verdict import Reasoning, reason
-from truing.diagnose.write_up import write_up
-from truing.model.kernel import FloatArray
-from truing.recording import RecordingSet
-from truing.recording_reader import read_recording_set
+from truing.diagnose.simulator_baseline import equivalent_baseline, with_simulator_errors
+from truing.diagnose.stepwise import extend_model, without_uncertain_effects
+from truing.diagnose.verdict import Reasoning, decide, select_model
+from truing.errors import IdentifyError
+from truing.progress import Progress, ignore_progress
+from truing.recording.run import RecordingSet
 
-Progress = Callable[[float], None]
-
-MOST_SINGLES = 14
-MOST_PAIRS = 6
+# Single effects, and second effects beside each of the best single ones, that are fitted at most.
+MAX_SINGLES = 14
+MAX_PAIRS = 6
 
 
 def diagnose(
-    set_path: str | Path,
-    baseline_path: str | Path | None = None,
-    *,
-    progress: Progress | None = None,
-    jobs: int | None = None,
+    recordings: RecordingSet, options: Options | None = None, progress: Progress = ignore_progress
 ) -> Diagnosis:
-    """Diagnose a recording set against a baseline.
+    """Diagnose recordings against their baseline.
+
+    The recordings are checked, analysed, and the result is completed with the next experiment and
+    compensating board parameters.
 
     Parameters
     ----------
-    baseline_path : a baseline.toml; the set's own where None.
+    recordings : with a baseline; `diagnosis_input.read_input` reads them.
     progress : called with a share from 0 to 1.
-    jobs : threads; all cores where None.
 
     Raises
     ------
     TruingError
-        Files that cannot be read, or recordings that allow no verdict.
+        The recordings allow no verdict; says why.
     """
-    return diagnose_set(read_recording_set(set_path, baseline_path), progress=progress, jobs=jobs)
+    options = options or Options()
+    if options.wheels_only:
+        recordings = without_pose(recordings)
+    if options.sim_runs is None:
+        return _diagnose(recordings, options, progress)
+    check_data(recordings)
+    simulated = read_sim_runs(options.sim_runs, recordings)
+    assert simulated.baseline is not None
+    found = analyse(simulated, lambda share: progress(0.5 * share), options.jobs)
+    baseline, checks = equivalent_baseline(simulated.baseline, found)
+    diagnosis = _diagnose(
+        replace(recordings, baseline=baseline), options, lambda share: progress(0.5 + 0.5 * share)
+    )
+    return with_simulator_errors(diagnosis, recordings, simulated, checks)
 
 
-def _unheard(share: float) -> None:
-    """Progress that nobody watches."""
+def _diagnose(recordings: RecordingSet, options: Options, progress: Progress) -> Diagnosis:
+    if recordings.baseline is None:
+        raise IdentifyError(
+            f"{recordings.path or recordings.name}: there is no baseline.toml beside it to compare with",
+            "Give --model a baseline.toml: [wheel.left] and [wheel.right] with gain_mps and time_constant_s",
+        )
+    data_checks = check_data(recordings)
+    fault = None if options.commanded else find_encoder_fault(recordings, recordings.baseline)
+    wheel = options.wheel or (None if fault is None else fault.other)
+    selected = recordings if wheel is None else one_wheel(recordings, wheel)
+    diagnosis = analyse(selected, progress, options.jobs, commanded=options.commanded)
+    if fault is not None and options.wheel != fault.other:
+        diagnosis = with_encoder_fault(diagnosis, fault)
+    known = {(check.topic, check.run, check.wheel) for check in diagnosis.checks}
+    more = tuple(check for check in data_checks.checks if (check.topic, check.run, check.wheel) not in known)
+    named = {effect.name for effect in diagnosis.effects}
+    diagnosis = replace(
+        diagnosis,
+        checks=(*diagnosis.checks, *more),
+        not_exercised=tuple(sorted({*diagnosis.not_exercised, *data_checks.blocked} - named)),
+    )
+    if len(diagnosis.explanations) > 1 and diagnosis.next_experiment is None:
+        limits = None if options.floor_m is None else Limits(floor_m=options.floor_m)
+        experiment = propose(diagnosis.explanations, recordings, diagnosis.noise, limits)
+        diagnosis = replace(diagnosis, next_experiment=experiment)
+    return replace(diagnosis, compensation=compensate(diagnosis, recordings.baseline))
 
 
-def diagnose_set(
+def analyse(
     recordings: RecordingSet,
-    *,
-    progress: Progress | None = None,
+    progress: Progress = ignore_progress,
     jobs: int | None = None,
+    *,
     commanded: bool = False,
 ) -> Diagnosis:
-    """The same for recordings in memory, whose `baseline` is set.
+    """Fits and verdict for recordings that have been checked, without what follows from the verdict.
 
     Parameters
     ----------
-    commanded : the pose is held against what the efforts command, and the wheels are not judged.
+    jobs : threads; all cores where None.
+    commanded : the pose is compared with the commands, and the wheels are not used.
     """
     began = time.monotonic()
-    say = progress or _unheard
-    data = set_data(recordings, commanded=commanded)
-    reasoning = investigate(data, say, jobs or os.cpu_count() or 1)
-    say(0.9)
-    diagnosis = write_up(recordings, reasoning)
-    say(1.0)
+    measured = at_renewals(recordings)
+    data = set_data(measured, commanded=commanded, repeated=_repeated(recordings, measured))
+    reasoning = investigate(data, progress, jobs or os.cpu_count() or 1)
+    progress(0.9)
+    diagnosis = assemble_result(recordings, reasoning)
+    progress(1.0)
     return replace(diagnosis, seconds=time.monotonic() - began)
+
+
+def _repeated(recordings: RecordingSet, measured: RecordingSet) -> Sequence[BoolArray] | None:
+    """Rows of the reduced runs at which only the other wheel was renewed."""
+    return None if measured is recordings else repeated_rows(recordings, measured)
 
 
 @dataclass(frozen=True)
 class _Stage:
-    """One idea of the noise, and the baseline refitted under it."""
+    """A noise model, and the baseline refitted under it."""
 
     problem: Problem
     base: Fit
 
 
-def investigate(data: SetData, say: Progress, jobs: int) -> Reasoning:
-    """All fits, and what follows from them."""
-    data = with_courses(with_judged_signal(data))
+def investigate(data: SetData, progress: Progress, jobs: int) -> Reasoning:
+    """All fits, and the verdict from them."""
+    data = with_inter_sample_input(with_selected_signal(data))
     simulator = SetSimulator(data, data.baseline, commanded=data.commanded)
     names = applicable_effects(data)
-    stage = first_look(data, simulator)
-    say(0.1)
-    search = Search.around(stage.problem, stage.base, names, jobs)
-    say(0.2)
-    search.beside(stage.base, MOST_SINGLES)
-    say(0.45)
-    search = sharpened(search, count=1)
-    say(0.55)
-    best = search.ranked(1)[:2]
-    for anchor in best:
-        search.beside(anchor, MOST_PAIRS)
-        say(0.7 if anchor is best[0] else 0.8)
+    stage = initial_fit(data, simulator)
+    progress(0.1)
+    search = Search.from_baseline(stage.problem, stage.base, names, jobs)
+    progress(0.2)
+    search.extend(stage.base, MAX_SINGLES)
+    progress(0.45)
+    search = with_updated_noise(search, count=1)
+    progress(0.55)
+    for number, anchor in enumerate(search.ranked(1)[:2]):
+        search.extend(anchor, MAX_PAIRS)
+        progress(0.8 if number else 0.7)
     if search.ranked(2):
-        search = sharpened(search, count=2)
-    return reason(search, names, structure_of)
+        search = with_updated_noise(search, count=2)
+    search, best = extend_model(search, select_model(search, search.fits[()]))
+    best = without_uncertain_effects(search, best)
+    progress(0.85)
+    return with_ordered_errors(decide(search, best))
 
 
-def first_look(data: SetData, simulator: SetSimulator) -> _Stage:
-    """Refit the baseline, and take for noise what even a flexible model does not foretell."""
+def initial_fit(data: SetData, simulator: SetSimulator) -> _Stage:
+    """Refit the baseline; the noise is the part of its residual that is not predictable out of sample."""
     lagged = lagged_rows(data)
     left, right = data.baseline.left, data.baseline.right
     windows = len(simulator.windows(data.pose_horizon_s))
     problem = Problem(
         data=data,
         simulator=simulator,
-        noise=white_noise(lagged),
+        noise=white_noise(lagged, _error_as_given(data, simulator)),
         pose_sigma=np.ones(3),
         counted=data.counted.astype(float),
         pose_counted=np.zeros(windows),
@@ -131,68 +189,45 @@ def first_look(data: SetData, simulator: SetSimulator) -> _Stage:
         tied=left == right,
         base_effects=tuple(data.baseline.effects),
         base_columns=base_columns(simulator, left == right, tuple(data.baseline.effects)),
-        told={name: effect.evidence(data) for name, effect in CATALOGUE.items()},
+        direct_evidence={name: effect.evidence(data) for name, effect in CATALOGUE.items()},
     )
     base = fit(problem, (), simulator.start(), iterations=25)
     problem = replace(problem, pose_counted=np.ones(windows))
-    problem = replace(problem, pose_sigma=pose_spread(problem, base.theta, ()))
-    noise = noise_under(problem, base)
-    doubt = doubt_of_courses(data)
-    if doubt.any():
-        doubt = np.hypot(doubt, foretold_doubt(noise, doubt, lagged))
-        problem = replace(problem, counted=problem.counted / (1.0 + (doubt / noise.sigma) ** 2))
-        noise = noise_under(problem, base)
+    problem = replace(problem, pose_sigma=robust_pose_sigma(problem, base.theta, ()))
+    noise = noise_from_fit(problem, base)
+    uncertainty = inter_sample_uncertainty(data)
+    if uncertainty.any():
+        uncertainty = np.hypot(uncertainty, predicted_uncertainty(noise, uncertainty, lagged))
+        problem = replace(problem, counted=problem.counted / (1.0 + (uncertainty / noise.sigma) ** 2))
+        noise = noise_from_fit(problem, base)
     problem = problem.with_noise(noise)
     return _Stage(problem, fit(problem, (), base.theta, iterations=10))
 
 
-def noise_under(problem: Problem, best: Fit) -> Noise:
-    """The noise if `best` is right but for what a flexible model still foretells."""
-    residual = problem.data.speed_mps - best.residual.speeds
-    taus = np.minimum(_taus(problem, best.theta), _taus(problem, problem.simulator.start()))
-    rough = noise_left(problem.data, residual, problem.counted, taus)
-    found = structure_of(problem.with_noise(rough), best)
-    return noise_left(problem.data, residual - found.foretold, problem.counted, taus)
+def _error_as_given(data: SetData, simulator: SetSimulator) -> float:
+    """RMS error of the baseline as given, m/s: the scale of the first fit's robust loss."""
+    error = (data.speed_mps - simulator.speeds(simulator.start(), simulator.enabled(())))[data.counted]
+    return max(float(np.sqrt(np.mean(error**2))) if error.size else 0.0, 1e-3 * data.top_mps)
 
 
-def _taus(problem: Problem, theta: FloatArray) -> FloatArray:
-    layout = problem.simulator.layout
-    return np.array([theta[layout.index("tau_left")], theta[layout.index("tau_right")]])
+def with_updated_noise(search: Search, count: int) -> Search:
+    """The search under the noise model of its best fit; only the best fits are kept and refined.
 
-
-def structure_of(problem: Problem, done: Fit) -> Structure:
-    """What a flexible model foretells of a fit's residual."""
-    taus = _taus(problem, done.theta)
-    return find_structure(
-        problem.data,
-        problem.data.speed_mps - done.residual.speeds,
-        done.residual.speeds,
-        taus,
-        problem.noise,
-        problem.counted,
-        problem.lagged,
-        folds_of(problem.data),
-    )
-
-
-def sharpened(search: Search, count: int) -> Search:
-    """The same search under the noise that its best fit leaves; only fits that may matter are kept.
-
-    Which fit is best is asked of each under the noise that it leaves itself: judged under a noise that
-    holds a slow error, everything that removes that error would seem to be worth little.
+    Each fit is evaluated under the noise model of its own residual: a noise model that contains a slow
+    model error would give little weight to the effects that remove it.
     """
     keep = [search.fits[()], *search.ranked(1)[:8], *(search.ranked(2)[:6] if count > 1 else [])]
     problem = search.problem
-    noises = [noise_under(problem, one) for one in keep]
-    costs = [own_cost(problem, one, noise) for one, noise in zip(keep, noises, strict=True)]
+    noises = [noise_from_fit(problem, one) for one in keep]
+    costs = [penalised_cost(problem, one, noise) for one, noise in zip(keep, noises, strict=True)]
     best = int(np.argmin(costs))
-    spread = pose_spread(problem, keep[best].theta, keep[best].effects)
-    return search.under(problem.with_noise(noises[best], spread), keep)
+    pose_sigma = robust_pose_sigma(problem, keep[best].theta, keep[best].effects)
+    return search.refitted_under(problem.with_noise(noises[best], pose_sigma), keep)
 
 
-def own_cost(problem: Problem, one: Fit, noise: Noise) -> float:
-    """Negative log-likelihood of a fit under the noise that it leaves, each number paid for, nats."""
+def penalised_cost(problem: Problem, one: Fit, noise: Noise) -> float:
+    """Negative log-likelihood of a fit under its own noise model, penalised per parameter, nats."""
     rows = problem.counted.sum(axis=0)
     pose = 0.5 * float(np.sum(np.minimum(one.residual.pose**2, CLIP**2)))
-    price = 0.5 * one.size * float(np.log(max(rows.sum(), 2.0)))
-    return float(rows @ np.log(noise.sigma)) + pose + price - problem.evidence(one.effects)
+    penalty = 0.5 * one.size * float(np.log(max(rows.sum(), 2.0)))
+    return float(rows @ np.log(noise.sigma)) + pose + penalty - problem.evidence(one.effects)

@@ -1,4 +1,4 @@
-"""Nested fits by free-run simulation error: a structure's numbers, its misfit, and what each may be."""
+"""Fits of nested model structures by free-run simulation error."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.diagnose.problem import CLIP, Column, Problem, Residual
 from truing.identify.levenberg import minimise
-from truing.model.kernel import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """One structure, fitted.
+    """A fitted model structure.
 
     Attributes
     ----------
     effects : added to the baseline, in the order in which they were added.
     theta : shape (p,), the simulator's whole vector.
-    columns : the numbers that were free.
-    residual : model against recording there.
+    columns : the free parameters.
+    residual : at `theta`.
     """
 
     effects: tuple[str, ...]
@@ -30,17 +30,17 @@ class Fit:
 
     @property
     def cost(self) -> float:
-        """Sum of squared whitened residuals, clipped."""
+        """Huber loss of the whitened residual, summed."""
         flat = self.residual.flat()
         return float(flat @ flat)
 
     @property
     def size(self) -> int:
-        """How many numbers were free."""
+        """Number of free parameters."""
         return len(self.columns)
 
     def value(self, column: str) -> float:
-        """The fitted number of a column."""
+        """The fitted value of a column."""
         for one in self.columns:
             if one.name == column:
                 return float(self.theta[one.entries[0]])
@@ -56,22 +56,22 @@ def fit(
     iterations: int = 15,
     tolerance: float = 1e-4,
 ) -> Fit:
-    """Minimise the whitened residual over the structure's free numbers, from `start` (p,)."""
+    """Minimise the whitened residual over the structure's free parameters, from `start` (p,)."""
     columns = problem.columns_of(effects) if columns is None else columns
 
-    def place(x: FloatArray) -> FloatArray:
+    def theta_at(x: FloatArray) -> FloatArray:
         theta = start.copy()
         for value, column in zip(x, columns, strict=True):
             theta[list(column.entries)] = value
         return theta
 
     def residual(x: FloatArray) -> FloatArray:
-        return problem.residual(place(x), effects).flat()
+        return problem.residual(theta_at(x), effects).flat()
 
     def jacobian(x: FloatArray, flat: FloatArray) -> FloatArray:
         # d flat / d e of the clipped part is CLIP / |flat|.
         slope = CLIP / np.maximum(np.abs(flat), CLIP)
-        return np.asarray(problem.jacobian(place(x), effects, columns) * slope[:, None])
+        return np.asarray(problem.jacobian(theta_at(x), effects, columns) * slope[:, None])
 
     first = np.array([start[column.entries[0]] for column in columns])
     end = minimise(
@@ -83,10 +83,10 @@ def fit(
         iterations=iterations,
         tolerance=tolerance,
     )
-    theta = place(end.theta)
+    theta = theta_at(end.theta)
     return Fit(effects, theta, columns, problem.residual(theta, effects))
 
 
-def judge(problem: Problem, done: Fit) -> Fit:
-    """The same numbers on another problem (other rows, other noise)."""
+def reevaluate(problem: Problem, done: Fit) -> Fit:
+    """The same parameter values on another problem (other rows, other noise)."""
     return Fit(done.effects, done.theta, done.columns, problem.residual(done.theta, done.effects))

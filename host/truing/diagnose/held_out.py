@@ -1,4 +1,4 @@
-"""Errors on runs that a fit has not seen: the runs are divided before anything is fitted."""
+"""Cross-validation: errors on runs left out of the fit; the folds are fixed before anything is fitted."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truing.diagnose.data import SetData
+from truing.arrays import FloatArray, IntArray
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.problem import Problem
-from truing.model.kernel import FloatArray, IntArray
 
 FOLDS = 4
 
 
 @dataclass(frozen=True, slots=True)
 class HeldOut:
-    """One structure on unseen rows.
+    """Residuals of one structure on rows left out of its fit.
 
     Attributes
     ----------
-    error : shape (n, 2), m/s, measured minus simulated by the fit that did not see the row's run.
+    error : shape (n, 2), m/s, measured minus simulated, by the fit without the row's fold.
     pose : shape (m, 3), standard deviations, likewise.
     """
 
@@ -34,7 +34,7 @@ class HeldOut:
 
 
 def folds_of(data: SetData) -> IntArray:
-    """Which part each row is judged in, shape (n,): runs dealt out in turn; a single run in quarters."""
+    """Fold of each row, shape (n,): runs in turn; a single run in quarters."""
     if data.runs == 1:
         quarter = np.minimum(np.arange(len(data)) * FOLDS // len(data), FOLDS - 1)
         return np.asarray(quarter, dtype=np.int64)
@@ -42,7 +42,7 @@ def folds_of(data: SetData) -> IntArray:
 
 
 def held_out(problem: Problem, full: Fit, folds: IntArray, pose_folds: IntArray) -> HeldOut:
-    """Fit without each part in turn, starting from the fit to everything, and judge there."""
+    """Refit without each fold in turn, starting from the fit to everything, and evaluate on that fold."""
     error = np.zeros_like(full.residual.speeds)
     pose = np.zeros_like(full.residual.pose)
     for part in np.unique(folds):

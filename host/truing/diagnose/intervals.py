@@ -1,10 +1,10 @@
-"""95 % intervals of fitted numbers: what the noise allows, and what the blocks of time themselves show.
+"""95 % intervals of fitted parameters, robust to errors of noise model and equations.
 
-The curvature of the whitened likelihood is right where noise model and equation are; the sandwich (Liang &
-Zeger 1986) over blocks of time and over whole runs shows where they are not, once there are enough of them:
-then each run asks for another number, and so does another weight of slow errors beside fast ones. What these
-say is added up: the larger alone held four true numbers of five in concealed trials. And a misfit that is no
-parabola (a moment, a gap, a limit) is walked along until the noise forbids the next step.
+The curvature of the whitened likelihood is valid where noise model and equations hold. Where they do not,
+estimates differ between runs and between weightings of slow and fast errors; the sandwich estimator (Liang &
+Zeger 1986) over blocks of time and over whole runs, and a refit under white noise, show by how much. The
+variances are added: the largest alone covered four true parameters of five in concealed trials. Where the
+loss is not quadratic (a time of change, a gap, a limit), the profile of the likelihood sets the end.
 """
 
 from __future__ import annotations
@@ -13,94 +13,99 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
 
+from truing.arrays import BoolArray, FloatArray, IntArray
+from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.compare import row_blocks
-from truing.diagnose.data import BoolArray
+from truing.diagnose.distributions import CHI2_95, NORMAL_975, student_quantile
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.problem import CLIP, Problem
 from truing.diagnose.result import EffectParameter
-from truing.model.kernel import FloatArray, IntArray
 
-# So many runs tell how far runs differ. Pose windows in one cluster: more than any run has.
-LEAST_RUNS, WHOLE_RUN = 6, 1_000_000
-# The numbers under another weight are near: so many steps find them.
-PLAIN_STEPS = 6
-# A 95 % interval ends at so many standard deviations; chance makes so many times a row's misfit beyond it.
-QUANTILE, CHANCE = float(stats.norm.ppf(0.975)), float(stats.chi2.ppf(0.95, 1))
-# A number is walked outward in steps that double, from its interval's end to so many times as far.
-WALK = 2.0 ** np.arange(9)
+# Runs needed for a variance between runs. Pose windows per cluster: more than any run has.
+MIN_RUNS, WHOLE_RUN = 6, 1_000_000
+# Iterations of the refit under white noise.
+REFIT_STEPS = 6
+# Standard deviations to the end of a 95 % interval; 95 % quantile of chi-squared with one degree of freedom.
+QUANTILE = NORMAL_975
+# Multiples of the interval at which the profile is evaluated.
+PROFILE_STEPS = 2.0 ** np.arange(9)
 
 
 def covariance(problem: Problem, done: Fit) -> FloatArray:
-    """Of the free numbers, shape (p, p): correlations of the likelihood, variances of all that is known."""
+    """Covariance of the free parameters (p, p): the likelihood's correlations, variances of all sources."""
     flat = done.residual.flat()
     raw = problem.jacobian(done.theta, done.effects, done.columns)
     jacobian = raw * (CLIP / np.maximum(np.abs(flat), CLIP))[:, None]
     scale = np.sqrt(np.maximum(np.sum(jacobian**2, axis=0), 1e-12))
     unit = jacobian / scale
-    bread = np.linalg.pinv(unit.T @ unit, rcond=1e-10)
-    likelihood = bread * max(_row_misfit(done, flat), 0.25)
-    between = _between(problem, bread, unit * flat[:, None])
-    variances = np.diag(likelihood) + between + (scale * _moved(problem, done)) ** 2
-    variances = np.maximum(variances, 0.0)  # of a dead wheel's numbers only rounding is left
-    told = np.diag(likelihood) > 0.0
-    size = np.sqrt(np.where(told, np.diag(likelihood), 1.0))
-    correlation = likelihood / np.outer(size, size) + np.diag(np.where(told, 0.0, 1.0))
-    # A number that no signal depends on (of a wheel that is dead) may be anything within its bounds.
-    anything = np.array([0.25 * (column.upper - column.lower) for column in done.columns])
-    wider = np.sqrt(variances) * _no_parabola(problem, done, likelihood / np.outer(scale, scale), told)
-    deviation = np.where(told, wider / scale, anything)
+    inverse_information = np.linalg.pinv(unit.T @ unit, rcond=1e-10)
+    likelihood = inverse_information * max(_mean_squared_residual(done, flat), 0.25)
+    between = _cluster_variances(problem, inverse_information, unit * flat[:, None])
+    variances = np.diag(likelihood) + between + (scale * _white_noise_shift(problem, done)) ** 2
+    variances = np.maximum(variances, 0.0)  # rounding errors, of a dead wheel's parameters
+    identifiable = np.diag(likelihood) > 0.0
+    size = np.sqrt(np.where(identifiable, np.diag(likelihood), 1.0))
+    correlation = likelihood / np.outer(size, size) + np.diag(np.where(identifiable, 0.0, 1.0))
+    # An unidentifiable parameter (of a dead wheel) may lie anywhere within its bounds.
+    unconstrained = np.array([0.25 * (column.upper - column.lower) for column in done.columns])
+    widened = np.sqrt(variances) * _profile_widening(
+        problem, done, likelihood / np.outer(scale, scale), identifiable
+    )
+    deviation = np.where(identifiable, widened / scale, unconstrained)
     return np.asarray(correlation * np.outer(deviation, deviation))
 
 
-def _row_misfit(done: Fit, flat: FloatArray) -> float:
-    """Squared residual per row that counts, of one that the numbers do not follow."""
+def _mean_squared_residual(done: Fit, flat: FloatArray) -> float:
+    """Mean squared residual per degree of freedom."""
     return float(flat @ flat) / max(int((flat != 0.0).sum()) - done.size, 1)
 
 
-def _between(problem: Problem, bread: FloatArray, pieces: FloatArray) -> FloatArray:
-    """Variances (p,) that blocks of time show or, of enough runs, whole runs: the larger."""
-    between = [_sandwich(bread, pieces, _clusters(problem, row_blocks(problem), 1))]
-    if problem.data.runs >= LEAST_RUNS:
+def _cluster_variances(
+    problem: Problem, inverse_information: FloatArray, contributions: FloatArray
+) -> FloatArray:
+    """Sandwich variances (p,): the larger of blocks of time and, of enough runs, whole runs."""
+    between = [_sandwich(inverse_information, contributions, _clusters(problem, row_blocks(problem), 1))]
+    if problem.data.runs >= MIN_RUNS:
         runs = problem.data.run_of_row.astype(np.int64)
-        between.append(_sandwich(bread, pieces, _clusters(problem, runs, WHOLE_RUN)))
+        between.append(_sandwich(inverse_information, contributions, _clusters(problem, runs, WHOLE_RUN)))
     return np.asarray(np.max(between, axis=0))
 
 
-def _moved(problem: Problem, done: Fit) -> FloatArray:
-    """How far, in standard deviations' units (p,), the numbers go when the noise is taken for white.
+def _white_noise_shift(problem: Problem, done: Fit) -> FloatArray:
+    """Change of the parameters (p,) under white noise, such that the interval reaches the other estimate.
 
-    Both weights find the same numbers where the equation holds; where it is only near the robot, the interval
-    reaches as far as the other.
+    Both weightings give the same estimate where the equations hold.
     """
     plain = replace(problem.noise, lags=np.zeros_like(problem.noise.lags), sigma=problem.noise.rms)
-    other = fit(problem.with_noise(plain), done.effects, done.theta, iterations=PLAIN_STEPS)
+    other = fit(problem.with_noise(plain), done.effects, done.theta, iterations=REFIT_STEPS)
     entries = [column.entries[0] for column in done.columns]
     return np.asarray((other.theta[entries] - done.theta[entries]) / QUANTILE)
 
 
-def _no_parabola(problem: Problem, done: Fit, likelihood: FloatArray, told: BoolArray) -> FloatArray:
-    """By how much farther than its curvature says each of the effects' numbers may go, shape (p,), 1 or more.
+def _profile_widening(
+    problem: Problem, done: Fit, likelihood: FloatArray, identifiable: BoolArray
+) -> FloatArray:
+    """Ratio of the profile likelihood's interval to that from the curvature, per parameter (p,), 1 or more.
 
-    The other numbers go along as the likelihood's correlations say.
+    The other parameters follow along the likelihood's correlations.
     """
-    farther = np.ones(done.size)
+    widening = np.ones(done.size)
     for k, column in enumerate(done.columns):
-        if "." not in column.name or not told[k]:
+        if "." not in column.name or not identifiable[k]:
             continue
         along = likelihood[:, k] / likelihood[k, k]
         end = QUANTILE * math.sqrt(float(likelihood[k, k]))
-        both = [_walk(problem, done, k, way * end * along) for way in (-1.0, 1.0)]
-        farther[k] = max(*both, 1.0)
-    return farther
+        both = [_profile_reach(problem, done, k, way * end * along) for way in (-1.0, 1.0)]
+        widening[k] = max(*both, 1.0)
+    return widening
 
 
-def _walk(problem: Problem, done: Fit, k: int, step: FloatArray) -> float:
-    """How many times `step` (p,) the numbers may move: until chance allows no more misfit, or k's bound."""
+def _profile_reach(problem: Problem, done: Fit, k: int, step: FloatArray) -> float:
+    """Multiple of `step` (p,) at which the loss exceeds its 95 % limit, or parameter k its bound."""
     reached = 0.0
-    limit = CHANCE * _row_misfit(done, done.residual.flat())
-    for times in WALK:
+    limit = CHI2_95 * _mean_squared_residual(done, done.residual.flat())
+    for times in PROFILE_STEPS:
         theta = done.theta.copy()
         for column, change in zip(done.columns, times * step, strict=True):
             theta[list(column.entries)] = np.clip(
@@ -125,32 +130,52 @@ def _clusters(problem: Problem, rows: IntArray, windows: int) -> IntArray:
     return np.concatenate((wheels, poses))
 
 
-def _sandwich(bread: FloatArray, pieces: FloatArray, cluster: IntArray) -> FloatArray:
-    """Variances (p,) from what clusters ask for; widened for their number as Student's t is."""
-    scores = np.zeros((int(cluster.max()) + 1, pieces.shape[1]))
-    np.add.at(scores, cluster, pieces)
+def _sandwich(inverse_information: FloatArray, contributions: FloatArray, cluster: IntArray) -> FloatArray:
+    """Sandwich variances (p,) from clusters, with Student's t correction for their number."""
+    scores = np.zeros((int(cluster.max()) + 1, contributions.shape[1]))
+    np.add.at(scores, cluster, contributions)
     count = max(int(np.any(scores != 0.0, axis=1).sum()), 2)
-    wider = (stats.t.ppf(0.975, count - 1) / QUANTILE) ** 2 * count / (count - 1.0)
-    return np.asarray(np.diag(bread @ (scores.T @ scores) @ bread) * wider)
+    widened = (student_quantile(0.975, count - 1) / QUANTILE) ** 2 * count / (count - 1.0)
+    return np.asarray(np.diag(inverse_information @ (scores.T @ scores) @ inverse_information) * widened)
+
+
+def not_different_from_absent(problem: Problem, done: Fit, spread: FloatArray) -> list[str]:
+    """Effects of a fit of which every parameter's interval contains its value without the effect."""
+    simulator = problem.simulator
+    absent = simulator.start()
+    out = []
+    for name in done.effects:
+        if problem.evidence((name,)) > 0.0:
+            continue  # two recorded signals show it without any model of the robot
+        shaping = {p.name for p in CATALOGUE[name].parameters if p.nuisance or (p.log and p.scan)}
+        off = simulator.report(name, absent)
+        found = effect_parameters(problem, done, name, spread)
+        if all(
+            value.ci95[0] <= off[key] <= value.ci95[1]
+            for key, value in found.items()
+            if key not in shaping
+        ):
+            out.append(name)
+    return out
 
 
 def effect_parameters(
-    problem: Problem, done: Fit, name: str, spread: FloatArray
+    problem: Problem, done: Fit, name: str, parameter_covariance: FloatArray
 ) -> dict[str, EffectParameter]:
-    """The contract's parameters of one effect with their intervals (delta method)."""
+    """The reported parameters of one effect with their intervals (delta method)."""
     simulator = problem.simulator
     units = simulator.units(name)
     centre = simulator.report(name, done.theta)
     slopes: dict[str, FloatArray] = {key: np.zeros(done.size) for key in centre}
     for k, column in enumerate(done.columns):
-        step = max(0.1 * float(np.sqrt(max(spread[k, k], 0.0))), 1e-7)
+        step = max(0.1 * float(np.sqrt(max(parameter_covariance[k, k], 0.0))), 1e-7)
         moved = done.theta.copy()
         moved[list(column.entries)] += step
         for key, value in simulator.report(name, moved).items():
             slopes[key][k] = (value - centre[key]) / step
     out = {}
     for key, value in centre.items():
-        variance = float(slopes[key] @ spread @ slopes[key])
+        variance = float(slopes[key] @ parameter_covariance @ slopes[key])
         half = QUANTILE * math.sqrt(max(variance, 0.0))
         out[key] = EffectParameter(value, (value - half, value + half), units.get(key, "1"))
     return out

@@ -1,23 +1,23 @@
-"""Where a mismatch sits: stretches of runs, found from a shape (an effect's own, or a smoothed residual)."""
+"""Localisation of a mismatch in time, from the signature of an effect or a smoothed residual."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from truing.diagnose.data import SetData
+from truing.arrays import FloatArray, IntArray
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.result import MismatchSpan
-from truing.model.kernel import FloatArray, IntArray
 
-# The stretches named hold this share of the mismatch's energy.
+# The stretches listed hold this share of the mismatch's energy.
 COVERED = 0.9
-# Stretches of one signal closer together than this are one, s.
+# Stretches of one signal closer together than this are merged, s.
 MERGED_S = 0.15
-MOST_SPANS = 200
+MAX_SPANS = 200
 SPEED_SIGNALS = ("vel_left_mps", "vel_right_mps")
 
 
 def wheel_spans(
-    data: SetData, shape: FloatArray, noise_rms: FloatArray, least: float, covered: float = COVERED
+    data: SetData, shape: FloatArray, noise_rms: FloatArray, min_times_noise: float, covered: float = COVERED
 ) -> list[MismatchSpan]:
     """Stretches that hold the energy of a mismatch of the wheels' speeds.
 
@@ -25,14 +25,14 @@ def wheel_spans(
     ----------
     shape : shape (n, 2), m/s, the mismatch without its noise.
     noise_rms : shape (2,), m/s.
-    least : a wheel whose mismatch stays below this many times its noise is left out.
+    min_times_noise : a wheel whose mismatch is below this many times its noise is left out.
     covered : share of the energy that the stretches hold.
     """
     energy = shape**2
     total = float(energy.sum())
     spans: list[MismatchSpan] = []
     for wheel in range(2):
-        if np.sqrt(float(energy[:, wheel].mean())) < least * noise_rms[wheel] or total <= 0.0:
+        if np.sqrt(float(energy[:, wheel].mean())) < min_times_noise * noise_rms[wheel] or total <= 0.0:
             continue
         for a, b in _stretches(data, energy[:, wheel], covered):
             part = float(energy[a:b, wheel].sum())
@@ -50,7 +50,7 @@ def wheel_spans(
                 )
             )
     spans.sort(key=lambda span: -span.share)
-    return spans[:MOST_SPANS]
+    return spans[:MAX_SPANS]
 
 
 def _stretches(data: SetData, energy: FloatArray, covered: float) -> list[tuple[int, int]]:
@@ -68,7 +68,7 @@ def _stretches(data: SetData, energy: FloatArray, covered: float) -> list[tuple[
 
 
 def regime(data: SetData, a: int, b: int, wheel: int) -> str:
-    """What the robot does in rows a..b, in words."""
+    """Operating regime in rows a..b, in words."""
     v, u = data.speed_mps[a:b, wheel], data.effort[a:b, wheel]
     top = data.top_mps
     before = data.effort[max(a - max(2, round(0.3 / float(np.median(data.interval_s)))), 0) : b, wheel]

@@ -1,10 +1,10 @@
-"""The run that would tell explanations apart: both are simulated over a library of safe drives.
+"""Design of the next experiment: explanations are simulated over a library of safe drives.
 
 Compared are the wheels' speeds and, where an outside reference was logged, the pose over short windows. For
 every drive the rival is refitted to what the other explanation predicts, on the drive and on the recordings
-that exist (linearised first, by Gauss-Newton steps for the best few), so that only a difference that no other
-choice of its numbers can hide counts (Box & Hill 1967; Atkinson & Fedorov 1975). The drive with the largest
-smallest difference wins; of drives about as good, the shortest.
+that exist (linearised first, by Gauss-Newton steps for the best few), so that only differences that no
+other choice of its parameters can produce count (Box & Hill 1967; Atkinson & Fedorov 1975). The drive with
+the largest smallest difference wins; of drives about as good, the shortest.
 """
 
 from __future__ import annotations
@@ -16,33 +16,33 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truing.diagnose.data import BoolArray, SetData, set_data
+from truing.arrays import BoolArray, FloatArray, IntArray
+from truing.diagnose.data.set_data import SetData, set_data
 from truing.diagnose.pose_windows import GYRO
 from truing.diagnose.pose_windows import SIGNALS as POSE
+from truing.diagnose.present.text import effect_title, joined
 from truing.diagnose.problem import Column, base_columns, effect_columns, moves_pose
-from truing.diagnose.profiles import Limits, Profile, Robot, candidates
+from truing.diagnose.profiles import Limits, Profile, Robot, candidate_plans
 from truing.diagnose.result import Explanation, NextExperiment, SignalNoise
 from truing.diagnose.simulation.simulator import SetSimulator
-from truing.diagnose.words import effect_title, joined
 from truing.identify.levenberg import minimise
-from truing.model.kernel import IntArray
 from truing.plan import Plan
-from truing.recording import MOTION_PAIRS, WHEELS, FloatArray, RecordingSet, Run
+from truing.recording.run import MOTION_PAIRS, WHEELS, RecordingSet, Run
 
-# Whitened differences beyond this tell two explanations apart nearly always; below half of it hardly ever.
-CLEAR = 4.0
-# So many of the best drives are judged again with the rival's numbers really refitted.
-SECOND_LOOK = 3
+# Whitened difference beyond which two explanations are nearly always distinguished; below half of it rarely.
+CLEARLY_DIFFERENT = 4.0
+# Number of drives for which the rival's parameters are refitted.
+REFITTED_DRIVES = 3
 ITERATIONS = 4
-# A drive this much less telling is preferred when it is shorter.
-AS_GOOD = 0.85
-# Each number may move by this share of its range before the prior on it is felt.
+# Share of the best difference above which a shorter drive is preferred.
+COMPARABLE_SHARE = 0.85
+# Standard deviation of the prior of each parameter, as a share of its range.
 PRIOR_SHARE = 0.5
-# A rival that reproduces the other on every drive, to this share of what the other misses, contains it.
+# A rival contains the other explanation if its remaining difference is below this share of the reverse one.
 CONTAINED = 0.02
-# Two explanations that no drive parts by this much are left to a ruler; the drive is chosen for the others.
-HOPELESS = 0.5
-LEAST_FLOOR_M = 2.0
+# Largest difference below which two explanations need a direct measurement instead of a drive.
+INDISTINGUISHABLE = 0.5
+MIN_FLOOR_M = 2.0
 DEFAULT_WHEELBASE_M = 0.3
 
 
@@ -64,7 +64,7 @@ def propose(
     noise: Sequence[SignalNoise],
     limits: Limits | None = None,
 ) -> NextExperiment | None:
-    """The drive whose smallest expected difference between any two explanations is largest.
+    """The drive that maximises the smallest expected difference between any two explanations.
 
     Parameters
     ----------
@@ -74,22 +74,24 @@ def propose(
     """
     if len(explanations) < 2:
         return None
-    judge = _Judge(explanations, recordings, noise)
-    data = judge.known.data
-    limits = limits or Limits(floor_m=max(LEAST_FLOOR_M, reach(data)))
+    comparison = _DriveComparison(explanations, recordings, noise)
+    data = comparison.known.data
+    limits = limits or Limits(floor_m=max(MIN_FLOOR_M, reach(data)))
     rate = 1.0 / float(np.median(data.interval_s))
-    library = list(candidates(judge.robot(), limits, rate))
+    library = list(candidate_plans(comparison.robot(), limits, rate))
     if not library:
         return None
-    scores = judge.linearised([plan for _, plan in library])
-    first = [int(k) for k in np.argsort(-scores)[:SECOND_LOOK]]
-    refined = {k: judge.refitted(library[k][1]) for k in first}
+    scores = comparison.linearised([plan for _, plan in library])
+    first = [int(k) for k in np.argsort(-scores)[:REFITTED_DRIVES]]
+    refined = {k: comparison.refitted(library[k][1]) for k in first}
     best = max(refined.values())
-    good = [k for k, score in refined.items() if score >= AS_GOOD * best]
+    good = [k for k, score in refined.items() if score >= COMPARABLE_SHARE * best]
     chosen = min(good, key=lambda k: (library[k][1].duration_s, -refined[k]))
     profile, plan = library[chosen]
     separates = tuple(one.effects for one in explanations)
-    why = _why(profile, explanations, refined[chosen]) + _left_to_a_ruler(explanations, judge.hopeless)
+    why = _why(profile, explanations, refined[chosen]) + _direct_measurement_text(
+        explanations, comparison.indistinguishable
+    )
     return NextExperiment(plan, separates, refined[chosen], why)
 
 
@@ -100,33 +102,37 @@ def reach(data: SetData) -> float:
 
 def _why(profile: Profile, explanations: Sequence[Explanation], score: float) -> str:
     names = joined([" with ".join(map(effect_title, one.effects)) for one in explanations], "and")
-    names = f"{names} apart" if len(explanations) == 2 else "these explanations apart"
+    names = names if len(explanations) == 2 else "these explanations"
     expected = f"the closest two would differ by {score:.1f} times the noise, the rival refitted"
-    if score < 0.5 * CLEAR:
+    if score < 0.5 * CLEARLY_DIFFERENT:
         return (
-            f"No safe run within the robot's limits tells {names} well; this is the best there is: "
+            f"No safe run within the robot's limits distinguishes {names} well; this is the best one: "
             f"{expected}. More floor, a faster log or a pose from outside would help"
         )
-    again = "" if score >= CLEAR else ", so drive it two or three times"
-    return f"It tells {names}: {_known_for(explanations) or profile.shows}; {expected}{again}"
+    again = "" if score >= CLEARLY_DIFFERENT else ", so drive it two or three times"
+    return f"It distinguishes {names}: {_catalogue_hint(explanations) or profile.shows}; {expected}{again}"
 
 
-def _left_to_a_ruler(explanations: Sequence[Explanation], hopeless: set[tuple[int, int]]) -> str:
-    """What is said of explanations that no drive tells apart."""
+def _direct_measurement_text(
+    explanations: Sequence[Explanation], indistinguishable: set[tuple[int, int]]
+) -> str:
+    """Explanations that no drive distinguishes, and what would."""
     from truing.diagnose.catalogue import CATALOGUE
 
-    said = []
-    for first, second in sorted(pair for pair in hopeless if pair[0] < pair[1] and pair[::-1] in hopeless):
+    texts = []
+    for first, second in sorted(
+        pair for pair in indistinguishable if pair[0] < pair[1] and pair[::-1] in indistinguishable
+    ):
         one, other = explanations[first].effects, explanations[second].effects
         names = [name for name in one if name not in other] + [name for name in other if name not in one]
-        text = f"no drive tells {joined([effect_title(name) for name in names], 'from')}"
+        text = f"no drive distinguishes {joined([effect_title(name) for name in names], 'from')}"
         hint = CATALOGUE[names[0]].separated_by.get(names[-1], "") if len(names) == 2 else ""
-        said.append(f"{text} ({hint})" if hint else text)
-    return "".join(f"; {text}" for text in said)
+        texts.append(f"{text} ({hint})" if hint else text)
+    return "".join(f"; {text}" for text in texts)
 
 
-def _known_for(explanations: Sequence[Explanation]) -> str:
-    """What the catalogue says separates the first two, where each is a single effect."""
+def _catalogue_hint(explanations: Sequence[Explanation]) -> str:
+    """The catalogue's advice for separating the first two, where each is a single effect."""
     from truing.diagnose.catalogue import CATALOGUE
 
     names = [one.effects[0] for one in explanations[:2] if len(one.effects) == 1]
@@ -136,7 +142,7 @@ def _known_for(explanations: Sequence[Explanation]) -> str:
     return CATALOGUE[first].separated_by.get(second, "") or CATALOGUE[second].separated_by.get(first, "")
 
 
-class _Judge:
+class _DriveComparison:
     """Simulates drives after the recordings that exist, under every explanation."""
 
     def __init__(
@@ -147,13 +153,13 @@ class _Judge:
         self.noise = {entry.signal: entry for entry in noise}
         self.known = SetSimulator(set_data(recordings))
         self.horizon_s = self.known.data.pose_horizon_s
-        # Pairs (truth, rival) in which the rival holds the truth as a special case: no run refutes it, and
-        # its extra number is seen to vanish instead. And pairs that no drive tells apart either way.
+        # Pairs (truth, rival) in which the rival contains the truth as a special case: no run refutes it,
+        # its extra parameter is estimated as zero instead. And pairs that no drive distinguishes.
         self.contained: set[tuple[int, int]] = set()
-        self.hopeless: set[tuple[int, int]] = set()
+        self.indistinguishable: set[tuple[int, int]] = set()
 
     def robot(self) -> Robot:
-        """What the library needs to know of the robot."""
+        """The robot's parameters that the library needs."""
         theta = self.explanations[0].theta
         base = self.known.data.baseline.wheelbase_m
         gain, constant = float(max(theta[0], theta[2])), float(max(theta[1], theta[3]))
@@ -171,29 +177,29 @@ class _Judge:
             slopes = weights[:, None] * rival.slopes
             prior = _prior(rival.columns)
             known = _normal(gap[drive < 0], slopes[drive < 0])
-            settled = _least(known, prior)
+            settled = _remaining_gap(known, prior)
             squares[pair] = np.zeros(len(plans))
             for k in range(len(plans)):
                 more = _normal(gap[drive == k], slopes[drive == k])
                 both = (known[0] + more[0], known[1] + more[1], known[2] + more[2])
-                squares[pair][k] = max(_least(both, prior) - settled, 0.0)
+                squares[pair][k] = max(_remaining_gap(both, prior) - settled, 0.0)
         self.contained = {
             pair for pair, found in squares.items() if found.sum() < CONTAINED * squares[pair[::-1]].sum()
         }
         asked = squares.keys() - self.contained
-        self.hopeless = {pair for pair in asked if squares[pair].max() < HOPELESS**2}
-        if self.hopeless == asked:
-            self.hopeless = set()
-        judged = [squares[pair] for pair in asked - self.hopeless]
-        return np.asarray(np.sqrt(np.min(judged, axis=0)))
+        self.indistinguishable = {pair for pair in asked if squares[pair].max() < INDISTINGUISHABLE**2}
+        if self.indistinguishable == asked:
+            self.indistinguishable = set()
+        tested = [squares[pair] for pair in asked - self.indistinguishable]
+        return np.asarray(np.sqrt(np.min(tested, axis=0)))
 
     def refitted(self, plan: Plan) -> float:
-        """Smallest whitened difference for one drive, the rival's numbers searched on it and all before."""
+        """Smallest whitened difference for one drive, the rival refitted on it and on the recordings."""
         simulator = self._simulator([plan])
         weights, old = self._weights(simulator), self._drive(simulator) < 0
         least = math.inf
         for pair in itertools.permutations(range(len(self.explanations)), 2):
-            if pair in self.contained | self.hopeless:
+            if pair in self.contained | self.indistinguishable:
                 continue
             truth, rival = self.explanations[pair[0]], self.explanations[pair[1]]
             target = self._values(simulator, self._theta(simulator, truth), truth.effects)
@@ -208,7 +214,7 @@ class _Judge:
         weights: FloatArray,
         old: BoolArray,
     ) -> float:
-        """Squared whitened distance that the rival keeps from `target` because of the drive."""
+        """Squared whitened distance of the refitted rival from `target` that the drive adds."""
         columns = self._columns(simulator, rival)
         start = self._theta(simulator, rival)
 
@@ -227,7 +233,7 @@ class _Judge:
         first = np.array([start[column.entries[0]] for column in columns])
         lower, upper = (np.array([getattr(column, end) for column in columns]) for end in ("lower", "upper"))
         flat, slopes = residual(first), jacobian(first, first)
-        settled = _least(_normal(flat[old], -slopes[old]), _prior(columns))
+        settled = _remaining_gap(_normal(flat[old], -slopes[old]), _prior(columns))
         end = minimise(residual, jacobian, first, lower, upper, iterations=ITERATIONS, tolerance=1e-3)
         left = residual(end.theta)
         return float(left @ left) - settled
@@ -238,12 +244,12 @@ class _Judge:
         return _Model(columns, values, self._slopes(simulator, theta, one.effects, columns))
 
     def _values(self, simulator: SetSimulator, theta: FloatArray, effects: tuple[str, ...]) -> FloatArray:
-        """What every signal shows, shape (k,)."""
+        """Predicted values of every signal, shape (k,)."""
         on = simulator.enabled(effects)
         return np.concatenate((simulator.speeds(theta, on).ravel(), self._pose(simulator, theta, effects)))
 
     def _pose(self, simulator: SetSimulator, theta: FloatArray, effects: tuple[str, ...]) -> FloatArray:
-        """Displacements over the windows, flat; what is measured is the same for all, and cancels."""
+        """Displacements over the windows, flat; the measured part is the same for all and cancels."""
         if not len(simulator.windows(self.horizon_s)):
             return np.zeros(0)
         missed = simulator.pose_residuals(theta, simulator.enabled(effects), self.horizon_s)
@@ -283,14 +289,14 @@ class _Judge:
         return np.asarray(one.theta * self.known.layout.scale / simulator.layout.scale)
 
     def _simulator(self, plans: Sequence[Plan]) -> SetSimulator:
-        """The recordings with the drives behind them; wheels turn as the first explanation says."""
-        still = [_as_run(plan, self.recordings, None, number) for number, plan in enumerate(plans)]
-        guess = SetSimulator(set_data(self._with(still)))
+        """The recordings with the drives behind them; wheel motion by the first explanation."""
+        at_rest = [_as_run(plan, self.recordings, None, number) for number, plan in enumerate(plans)]
+        preliminary = SetSimulator(set_data(self._with(at_rest)))
         one = self.explanations[0]
-        speeds = guess.speeds(self._theta(guess, one), guess.enabled(one.effects))
+        speeds = preliminary.speeds(self._theta(preliminary, one), preliminary.enabled(one.effects))
         moving = []
         for number, plan in enumerate(plans):
-            rows = guess.data.rows_of(len(self.recordings) + number)
+            rows = preliminary.data.rows_of(len(self.recordings) + number)
             moving.append(_as_run(plan, self.recordings, speeds[rows], number))
         return SetSimulator(set_data(self._with(moving)))
 
@@ -298,7 +304,7 @@ class _Judge:
         return replace(self.recordings, runs=(*self.recordings.runs, *runs))
 
     def _weights(self, simulator: SetSimulator) -> FloatArray:
-        """One over the noise that each value counts with, shape (k,); zero where it is not judged.
+        """One over the noise that each value counts with, shape (k,); zero where it is not used.
 
         Counting noise grows with the log rate; a disturbance that outlasts a row makes rows count less.
         """
@@ -314,8 +320,10 @@ class _Judge:
             weights[:, column] = 1.0 / np.sqrt(counting**2 + entry.disturbance**2 * lasting + 1e-12)
         weights[~data.judged] = 0.0
         seen = [self.noise.get(signal) for signal in (POSE if data.has_truth else ("", "", GYRO))]
-        looks = [0.0 if entry is None else 1.0 / entry.rms for entry in seen]
-        return np.concatenate((weights.ravel(), np.tile(looks, len(simulator.windows(self.horizon_s)))))
+        pose_weights = [0.0 if entry is None else 1.0 / entry.rms for entry in seen]
+        return np.concatenate(
+            (weights.ravel(), np.tile(pose_weights, len(simulator.windows(self.horizon_s))))
+        )
 
     def _drive(self, simulator: SetSimulator) -> IntArray:
         """The drive that each value belongs to, shape (k,); below zero those of the recordings."""
@@ -333,19 +341,19 @@ def _normal(gap: FloatArray, slopes: FloatArray) -> _Normal:
 
 
 def _prior(columns: Sequence[Column]) -> FloatArray:
-    """Weak, shape (p,): no number moves by more than its range for nothing."""
+    """Precision of the weak prior, shape (p,)."""
     return np.array([1.0 / (PRIOR_SHARE * max(column.upper - column.lower, 1e-9)) ** 2 for column in columns])
 
 
-def _least(normal: _Normal, prior: FloatArray) -> float:
-    """The squared gap that is left once the rival has moved as far as it helps."""
+def _remaining_gap(normal: _Normal, prior: FloatArray) -> float:
+    """Minimum of the squared gap over the rival's parameters."""
     matrix, vector, square = normal
     step = np.linalg.solve(matrix + np.diag(prior), vector)
     return float(square - vector @ step)
 
 
 def _as_run(plan: Plan, recordings: RecordingSet, speeds: FloatArray | None, number: int) -> Run:
-    """A drive as a run with the columns that every recorded run has; wheels at rest where nobody knows."""
+    """A drive as a run with the columns of the recorded runs; wheels at rest where `speeds` is None."""
     rate = plan.log_rate_hz or recordings.runs[0].rate_hz
     count = max(math.ceil(plan.duration_s * rate), 20) + 1
     t_s = np.arange(count) / rate
@@ -371,13 +379,13 @@ def _as_run(plan: Plan, recordings: RecordingSet, speeds: FloatArray | None, num
             else:
                 columns[name] = np.rint(travel[:, column] / (scale or 1.0))
     base = None if recordings.baseline is None else recordings.baseline.wheelbase_m
-    poses = _reckoned(speeds, rate, base) if base else {}
+    poses = _dead_reckoned(speeds, rate, base) if base else {}
     columns |= {name: pose for name, pose in poses.items() if all(name in run.columns for run in recordings)}
     return Run(f"~{number:03d}_{plan.name}", columns)
 
 
-def _reckoned(speeds: FloatArray, rate_hz: float, wheelbase_m: float) -> dict[str, FloatArray]:
-    """Where wheels (n, 2) that neither slip nor err take a robot, as outside references would log it."""
+def _dead_reckoned(speeds: FloatArray, rate_hz: float, wheelbase_m: float) -> dict[str, FloatArray]:
+    """Dead-reckoned pose of ideal wheels (n, 2), as an outside reference would log it."""
     turn_radps = (speeds[:, 1] - speeds[:, 0]) / wheelbase_m
     heading = np.cumsum(turn_radps) / rate_hz
     forward_m = speeds.mean(axis=1) / rate_hz

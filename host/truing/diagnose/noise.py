@@ -1,14 +1,14 @@
-"""The noise of the measured speeds, read from the recordings: autoregressive, one model per wheel.
+"""Autoregressive noise model of the measured wheel speeds, estimated from residuals, one per wheel.
 
-What a correct model leaves over is no white noise. A differenced encoder count carries a moving average
-of rounding errors, and a small disturbance of the torque reaches the speed through the wheel's own lag.
-An autoregression of a few lags stands for both (any rational spectrum; Ljung 1999, section 4.2), so that
+The residual of a correct model is not white. A differenced encoder count carries a moving average of
+quantisation errors, and a small torque disturbance reaches the speed through the wheel's own lag. An
+autoregression of a few lags approximates both (any rational spectrum; Ljung 1999, section 4.2), so that
 its innovations can be counted as independent samples.
 
-The noise's memory is bounded: a disturbing torque is forgotten about as fast as the wheel forgets, so
-correlations fade with the wheel's own time constant. Without that bound an autoregression takes any slow
-error of the model (friction that a linear model lacks) for noise that never forgets, and then no slow
-error weighs anything.
+The correlation time is bounded: the speed error that a torque disturbance causes decays with the wheel's
+time constant, so correlations are made to decay at that rate. Without the bound an autoregression models
+any slow model error (friction missing from a linear model) as noise with a pole near one, and whitening
+then gives slow errors no weight.
 """
 
 from __future__ import annotations
@@ -18,16 +18,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truing.arrays import FloatArray, IntArray
 from truing.model.compiled import compiled
-from truing.model.kernel import FloatArray, IntArray
 
-# Lags reach back this far, s; at 20 Hz six of them follow an encoder's moving average and a wheel's lag.
-# Where rows come faster, the later lags lie further apart.
-REACH_S = 0.3
-LEAST_ORDER, LARGEST_ORDER = 4, 8
-# Correlations of the noise fade at least as fast as in this many time constants of the wheel.
+# Longest lag, s; at 20 Hz six lags represent an encoder's moving average and a wheel's lag. At higher log
+# rates the later lags are spaced geometrically.
+MAX_LAG_S = 0.3
+MIN_ORDER, MAX_ORDER = 4, 8
+# Correlations of the noise decay at least as fast as with this many time constants of the wheel.
 MEMORY_TAUS = 2.0
-# Ridge on the normal equations, relative: keeps the lags of a wheel that hardly moves defined.
+# Correlation of the innovations is followed over so many rows.
+MAX_CORRELATED_ROWS = 60
+# Relative ridge on the normal equations: keeps them regular for a wheel that hardly moves.
 RIDGE = 1e-6
 
 
@@ -40,35 +42,35 @@ class Noise:
     lags : shape (2, order); e_k = r_k - sum_j lags[w, j] r_{k-1-j} is white.
     sigma : shape (2,), m/s, RMS of the innovations e.
     rms : shape (2,), m/s, RMS of the noise itself.
-    memory_s : shape (2,), s, the time over which it forgets itself: the integral of its correlation.
+    memory_s : shape (2,), s, correlation time: the integral of the autocorrelation.
     """
 
     lags: FloatArray
     sigma: FloatArray
     rms: FloatArray
-
     memory_s: FloatArray
 
 
 def lags_for(interval_s: float) -> IntArray:
-    """Which rows back the noise of recordings with this sampling interval is told from, shape (order,)."""
-    reach = int(max(round(REACH_S / max(interval_s, 1e-6)), LEAST_ORDER))
-    if reach <= LARGEST_ORDER:
+    """Lags of the autoregression, in rows, for this sampling interval; shape (order,)."""
+    reach = int(max(round(MAX_LAG_S / max(interval_s, 1e-6)), MIN_ORDER))
+    if reach <= MAX_ORDER:
         return np.arange(1, reach + 1)
-    return np.unique(np.round(np.geomspace(1.0, reach, LARGEST_ORDER)).astype(np.int64))
+    return np.unique(np.round(np.geomspace(1.0, reach, MAX_ORDER)).astype(np.int64))
 
 
 def lag_index(starts: IntArray, rows: int, lags: IntArray) -> IntArray:
-    """Row numbers of each row's predecessors, shape (order, n); `rows` stands for "before the segment"."""
+    """Row indices at each lag, shape (order, n); `rows` marks a lag that reaches before the segment."""
     first = np.repeat(starts[:-1], np.diff(starts))
     index = np.arange(rows)
     lagged = np.stack([index - k for k in lags])
     return np.asarray(np.where(lagged >= first, lagged, rows))
 
 
-def white_noise(lagged: IntArray) -> Noise:
-    """Noise of 1 m/s without memory, to begin with."""
-    return Noise(np.zeros((2, lagged.shape[0])), np.ones(2), np.ones(2), np.zeros(2))
+def white_noise(lagged: IntArray, rms_mps: float) -> Noise:
+    """White noise of this size: under it a fit minimises the free-run error itself."""
+    rms = np.full(2, rms_mps)
+    return Noise(np.zeros((2, lagged.shape[0])), rms, rms.copy(), np.zeros(2))
 
 
 def estimate_noise(
@@ -76,42 +78,66 @@ def estimate_noise(
     counted: FloatArray,
     starts: IntArray,
     interval_s: float,
-    fade_s: FloatArray,
+    decay_s: FloatArray,
     floor: FloatArray,
+    ceiling: FloatArray,
 ) -> Noise:
-    """Autoregressions from the correlations of what a model leaves over (Yule 1927, Walker 1931).
+    """Autoregressions from the correlations of a model's residual (Yule 1927, Walker 1931).
+
+    Power above `ceiling` is model error, not noise. It enters the variance of a row and not the correlations:
+    whitened by its own correlation, a slow model error would have no weight at all. The correlation that the
+    innovations keep for it reduces the number of independent rows, and so every log-likelihood gain.
 
     Parameters
     ----------
     residual : shape (n, 2), m/s.
-    counted : shape (n, 2), weights 0..1 of the rows (0: not measured, or judged by nobody).
+    counted : shape (n, 2), weights 0..1 of the rows (0: not measured, or excluded).
     starts : shape (segments + 1,), first row of every segment, and n.
-    fade_s : shape (2,), s, correlations are taken to fade at least this fast.
-    floor : shape (2,), m/s, the least RMS that the sensor's own resolution allows.
+    decay_s : shape (2,), s, correlations are multiplied by an exponential with this time constant.
+    floor : shape (2,), m/s, lower bound of the RMS from the sensor's resolution.
+    ceiling : shape (2,), m/s, upper bound of the RMS that noise of these recordings can have.
     """
     lags = lags_for(interval_s)
     reach = int(lags[-1])
     index = lag_index(starts, len(residual), np.arange(1, reach + 1))
-    found = Noise(np.zeros((2, len(lags))), np.zeros(2), np.zeros(2), np.zeros(2))
-    apart = np.abs(np.subtract.outer(lags, lags))
+    noise = Noise(np.zeros((2, len(lags))), np.zeros(2), np.zeros(2), np.zeros(2))
+    lag_difference = np.abs(np.subtract.outer(lags, lags))
     for wheel in range(2):
         weight = np.sqrt(counted[:, wheel])
         r = np.where(weight > 0.0, residual[:, wheel] * weight, 0.0)
         r_past, weight_past = np.append(r, 0.0)[index], np.append(weight, 0.0)[index]
         power = max(float(r @ r / max(weight @ weight, 1.0)), floor[wheel] ** 2)
         cross = (r_past @ r) / np.maximum(weight_past @ weight, 1.0)
-        fade = np.exp(-np.arange(1, reach + 1) * interval_s / max(float(fade_s[wheel]), interval_s))
-        covariance = np.concatenate(([power], cross * fade))
-        gram = covariance[apart] + np.eye(len(lags)) * RIDGE * power
-        found.lags[wheel] = np.linalg.solve(gram, covariance[lags])
-        innovations = r - r_past[lags - 1].T @ found.lags[wheel]
-        left = float(innovations @ innovations / max(weight @ weight, 1.0))
-        found.rms[wheel] = np.sqrt(power)
-        found.sigma[wheel] = np.sqrt(max(left, (0.5 * floor[wheel]) ** 2))
+        decay = np.exp(-np.arange(1, reach + 1) * interval_s / max(float(decay_s[wheel]), interval_s))
+        cross = cross * min(1.0, ceiling[wheel] ** 2 / power)
+        covariance = np.concatenate(([power], cross * decay))
+        gram = covariance[lag_difference] + np.eye(len(lags)) * RIDGE * power
+        noise.lags[wheel] = np.linalg.solve(gram, covariance[lags])
+        innovations = r - r_past[lags - 1].T @ noise.lags[wheel]
+        innovation_power = float(innovations @ innovations / max(weight @ weight, 1.0))
+        noise.rms[wheel] = min(np.sqrt(power), ceiling[wheel])
+        rows_per_sample = _correlated_rows(innovations, starts) if power > ceiling[wheel] ** 2 else 1.0
+        noise.sigma[wheel] = np.sqrt(max(innovation_power, (0.5 * floor[wheel]) ** 2) * rows_per_sample)
         correlation = covariance / power
-        fades = int(np.argmax(correlation < 0.05)) or len(correlation)
-        found.memory_s[wheel] = max(float(correlation[:fades].sum()) - 0.5, 0.5) * interval_s
-    return found
+        cutoff = int(np.argmax(correlation < 0.05)) or len(correlation)
+        noise.memory_s[wheel] = max(float(correlation[:cutoff].sum()) - 0.5, 0.5) * interval_s
+    return noise
+
+
+def _correlated_rows(values: FloatArray, starts: IntArray) -> float:
+    """Rows per independent sample, at least 1: 1 + 2 times the summed autocorrelation (Bartlett 1946)."""
+    power = float(values @ values)
+    if power <= 0.0:
+        return 1.0
+    rows = 1.0
+    first = np.repeat(starts[:-1], np.diff(starts))
+    for lag in range(1, MAX_CORRELATED_ROWS):
+        same = first[lag:] == first[:-lag]
+        correlation = float((values[lag:] * values[:-lag])[same].sum()) / power
+        if correlation < 0.05:
+            break
+        rows += 2.0 * correlation
+    return rows
 
 
 def whiten(noise: Noise, columns: FloatArray, counted: FloatArray, lagged: IntArray) -> FloatArray:
@@ -122,15 +148,15 @@ def whiten(noise: Noise, columns: FloatArray, counted: FloatArray, lagged: IntAr
     return out.reshape(columns.shape)
 
 
-def foretold_doubt(noise: Noise, doubt: FloatArray, lagged: IntArray) -> FloatArray:
-    """How doubtful is what the rows before foretell of each row, shape (n, 2), m/s.
+def predicted_uncertainty(noise: Noise, uncertainty: FloatArray, lagged: IntArray) -> FloatArray:
+    """Uncertainty of the autoregressive prediction of each row, shape (n, 2), m/s.
 
     Parameters
     ----------
-    doubt : shape (n, 2), m/s, of each row itself.
+    uncertainty : shape (n, 2), m/s, of each row itself.
     """
-    beyond = np.concatenate((doubt, np.zeros((1, 2))))  # a row that has no such predecessor has number n
-    return np.asarray(np.einsum("knw,wk->nw", beyond[lagged], np.abs(noise.lags)))
+    padded = np.concatenate((uncertainty, np.zeros((1, 2))))  # index n: no such predecessor
+    return np.asarray(np.einsum("knw,wk->nw", padded[lagged], np.abs(noise.lags)))
 
 
 @compiled
@@ -151,12 +177,12 @@ def _whiten(
             for k in range(width):
                 out[row, wheel, k] = columns[row, wheel, k]
             for lag in range(lagged.shape[0]):
-                before = lagged[lag, row]
-                if before >= rows or counted[before, wheel] <= 0.0:
+                previous = lagged[lag, row]
+                if previous >= rows or counted[previous, wheel] <= 0.0:
                     continue
-                share = lags[wheel, lag]
+                coefficient = lags[wheel, lag]
                 for k in range(width):
-                    out[row, wheel, k] -= share * columns[before, wheel, k]
+                    out[row, wheel, k] -= coefficient * columns[previous, wheel, k]
             scale = math.sqrt(weight) / sigma[wheel]
             for k in range(width):
                 out[row, wheel, k] *= scale

@@ -1,87 +1,93 @@
-"""Whether two effects are there together: surely, perhaps, or the second only mends the first one's equation.
+"""Whether the second effect of a pair is significant, uncertain, or only compensates errors of the first.
 
-No equation is exactly a robot's. What a first effect's leaves over, another effect's can follow a little: in
-some runs, at the cost of others, and by less than the noise. An effect that is there helps wherever it acts.
+The equations are approximations of a robot. A second effect can absorb part of the first one's remaining
+model error: in some runs, at the cost of others, and by less than the noise. An effect that is present
+improves every run in which it acts.
 """
 
 from __future__ import annotations
 
-from truing.diagnose.compare import SURE_GAIN, differences, moment_gains, run_gains
+from truing.diagnose.compare import SIGNIFICANT_GAIN, block_gains, differences, run_gains
 from truing.diagnose.fit import Fit
 from truing.diagnose.search import Search
 
-# A second effect must be worth more than a first: in some signal it bends the model by this much of the noise
-# and of what the first bends, and brings this share of the log-likelihood; or that one, where either part
+# A second effect must change some signal by this multiple of the noise and by this share of the first
+# effect's change, and bring this share of the log-likelihood gain; or the last one, where one of the two
 # explains little by itself.
-LEAST_SECOND, SECOND_SHARE, SECOND_GAIN, LONE_GAIN = 0.3, 0.15, 0.03, 0.3
-# Two effects that are both there each explain by themselves about what they add to the other; one that mends
-# the other's equation does not. Share of the first that the second is.
-ALONE = 0.2
-# A second effect is sure where it bends some signal by as much as the noise, and where the runs that it
-# makes worse lose no more than this share of what it brings to all.
-SURE_SECOND, MOST_HARM = 1.0, 0.03
-# Another second effect that brings this share of what the best one does may as well be the one.
-AS_WELL = 0.5
+MIN_SECOND_DIFFERENCE, MIN_SECOND_OF_FIRST, MIN_SECOND_GAIN, MIN_GAIN_BESIDE_WEAK = 0.3, 0.15, 0.03, 0.3
+# An effect that is present explains by itself about as much as it adds to the other one; one that only
+# compensates the other's model error does not. Minimum ratio of the two gains.
+MIN_ALONE_SHARE = 0.2
+# A second effect is significant if it changes some signal by as much as the noise, and if the loss in runs
+# that it makes worse is at most this share of its total gain.
+SIGNIFICANT_SECOND, MAX_LOSS_SHARE = 1.0, 0.03
+# Another second effect with this share of the best one's gain is an alternative to it.
+COMPARABLE_GAIN = 0.5
 
 
-def needs_both(search: Search, pair: Fit) -> bool:
-    """Whether neither part of a pair, nor any other single effect, does what the pair does."""
+def needs_both_effects(search: Search, pair: Fit) -> bool:
+    """Whether the pair improves on each of its effects alone and on the best single effect."""
     base = search.fits[()]
-    stands = [_stands(search, pair, name) for name in pair.effects]
-    if not any(stands):
-        return False  # two that explain nothing but together are an odd chance
-    least = SECOND_GAIN if all(stands) else LONE_GAIN
+    alone = [_significant_alone(search, pair, name) for name in pair.effects]
+    if not any(alone):
+        return False  # gains that only the combination has are attributed to chance
+    min_share = MIN_SECOND_GAIN if all(alone) else MIN_GAIN_BESIDE_WEAK
     parts = (*_parts(search, pair), search.ranked(1)[0])
-    return all(_adds(search, pair, part, base, least) for part in parts)
+    return all(_improves_on(search, pair, part, base, min_share) for part in parts)
 
 
-def surely_both(search: Search, pair: Fit) -> bool:
-    """Whether the weaker part of a pair is more than a mend of the stronger one's equation."""
+def both_significant(search: Search, pair: Fit) -> bool:
+    """Whether the weaker effect of a pair is significant beside the stronger one."""
     first = stronger_part(search, pair)
-    brought = run_gains(search.problem, pair, first)
-    harm = -float(brought[brought < 0.0].sum())
-    return search.better(pair, first).times_noise > SURE_SECOND and harm < MOST_HARM * float(brought.sum())
+    gains = run_gains(search.problem, pair, first)
+    loss = -float(gains[gains < 0.0].sum())
+    return search.compare(pair, first).times_noise > SIGNIFICANT_SECOND and loss < MAX_LOSS_SHARE * float(
+        gains.sum()
+    )
 
 
-def doubted_second(search: Search, pair: Fit) -> list[Fit]:
-    """What else a pair's doubtful second effect may be, the best first: nothing, or another effect."""
+def second_effect_alternatives(search: Search, pair: Fit) -> list[Fit]:
+    """Alternatives to an uncertain second effect, best first: none, or another effect."""
     first = stronger_part(search, pair)
-    enough = AS_WELL * search.better(pair, first).gain
+    min_gain = COMPARABLE_GAIN * search.compare(pair, first).gain
     others = [
         other
         for other in search.ranked(2)
         if set(other.effects) != set(pair.effects)
         and first.effects[0] in other.effects
-        and search.better(other, first).gain > enough
+        and search.compare(other, first).gain > min_gain
     ]
     return [first, *others]
 
 
 def stronger_part(search: Search, pair: Fit) -> Fit:
-    """The part of a pair that explains more by itself."""
-    return max(_parts(search, pair), key=lambda one: search.better(one, search.fits[()]).gain)
+    """The effect of a pair that explains more by itself."""
+    return max(_parts(search, pair), key=lambda one: search.compare(one, search.fits[()]).gain)
 
 
 def _parts(search: Search, pair: Fit) -> list[Fit]:
-    return [search.alone(name, pair) for name in pair.effects]
+    return [search.single(name, pair) for name in pair.effects]
 
 
-def _stands(search: Search, pair: Fit, name: str) -> bool:
-    """Whether a part of a pair explains by itself what it adds to the other part, more or less."""
-    one = search.alone(name, pair)
-    other = search.alone(next(each for each in pair.effects if each != name), pair)
-    added = search.better(pair, other).gain
-    return search.better(one, search.fits[()]).spread > max(SURE_GAIN, ALONE * added)
+def _significant_alone(search: Search, pair: Fit, name: str) -> bool:
+    """Whether an effect of a pair is significant by itself, compared with what it adds to the other one."""
+    one = search.single(name, pair)
+    other = search.single(next(each for each in pair.effects if each != name), pair)
+    added = search.compare(pair, other).gain
+    return search.compare(one, search.fits[()]).robust_gain > max(SIGNIFICANT_GAIN, MIN_ALONE_SHARE * added)
 
 
-def _adds(search: Search, pair: Fit, part: Fit, base: Fit, least: float) -> bool:
+def _improves_on(search: Search, pair: Fit, part: Fit, base: Fit, min_share: float) -> bool:
     problem = search.problem
-    if search.better(pair, part).spread <= SURE_GAIN:
+    if search.compare(pair, part).robust_gain <= SIGNIFICANT_GAIN:
         return False
     more, first = differences(problem, pair, part), differences(problem, part, base)
-    bends = any(a > max(LEAST_SECOND, SECOND_SHARE * b) for a, b in zip(more, first, strict=True))
-    brought, total = moment_gains(problem, pair, part), moment_gains(problem, pair, base)
-    brings = any(
-        float(a.sum()) > max(SURE_GAIN, least * float(b.sum())) for a, b in zip(brought, total, strict=True)
+    changes_signal = any(
+        a > max(MIN_SECOND_DIFFERENCE, MIN_SECOND_OF_FIRST * b) for a, b in zip(more, first, strict=True)
     )
-    return bends and brings
+    gains, total = block_gains(problem, pair, part), block_gains(problem, pair, base)
+    more_likely = any(
+        float(a.sum()) > max(SIGNIFICANT_GAIN, min_share * float(b.sum()))
+        for a, b in zip(gains, total, strict=True)
+    )
+    return changes_signal and more_likely

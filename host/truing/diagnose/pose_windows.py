@@ -1,16 +1,16 @@
-"""The pose against an outside reference: the folds its windows fall in, errors in metres, places, traces."""
+"""Pose residuals against an outside reference: folds, errors in metres, localisation, traces."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from truing.arrays import FloatArray, IntArray
+from truing.diagnose.data.traces import PoseTraces
 from truing.diagnose.problem import Problem
 from truing.diagnose.result import MismatchSpan, SignalNoise
-from truing.diagnose.traces import PoseTraces
-from truing.model.kernel import FloatArray, IntArray
 
 SIGNALS, GYRO = ("truth_x_m", "truth_y_m", "truth_theta_rad"), "gyro_z_radps"
-WORDS = ("distance", "sideways", "heading")
+COMPONENTS = ("distance", "sideways", "heading")
 # Spans hold this share of a component's mismatch.
 COVERED = 0.9
 # Half a usual wheelbase, m: turns a heading error into metres at the wheel where no wheelbase is known.
@@ -18,7 +18,7 @@ LEVER_M = 0.15
 
 
 def pose_folds(problem: Problem, folds: IntArray) -> IntArray:
-    """Which part each window is judged in, shape (m,): that of its last row."""
+    """Fold of each window, shape (m,): that of its last row."""
     if not len(problem.pose_counted):
         return np.zeros(0, dtype=np.int64)
     return np.asarray(folds[problem.simulator.windows(problem.data.pose_horizon_s).last])
@@ -32,23 +32,23 @@ def pose_rmse(problem: Problem, pose: FloatArray) -> float:
 
 
 def pose_noise(problem: Problem) -> list[SignalNoise]:
-    """What displacements over a window scatter by: each component of a truth, the turn alone of a gyro."""
+    """Noise of displacements over a window: every component of a reference pose, or the turn of a gyro."""
     if not len(problem.pose_counted):
         return []
-    source = "how short windows of the pose scatter about the model that fits best"
+    source = "scatter of short pose windows about the best model"
     kinds = list(zip(SIGNALS, ("m", "m", "rad"), problem.pose_sigma.tolist(), strict=True))
     if not problem.data.has_truth:
         kinds = [(GYRO, "rad", float(problem.pose_sigma[2]))]
     return [SignalNoise(signal, 0.0, sigma, sigma, 0.0, source, unit) for signal, unit, sigma in kinds]
 
 
-def pose_spans(problem: Problem, shape: FloatArray, least: float) -> list[MismatchSpan]:
+def pose_spans(problem: Problem, shape: FloatArray, min_times_noise: float) -> list[MismatchSpan]:
     """Windows that hold the energy of a pose mismatch.
 
     Parameters
     ----------
     shape : shape (m, 3), standard deviations, the mismatch without its noise.
-    least : a component whose mismatch stays below this is left out.
+    min_times_noise : a component whose mismatch is below this many times its noise is left out.
     """
     spans: list[MismatchSpan] = []
     if not len(shape):
@@ -57,7 +57,7 @@ def pose_spans(problem: Problem, shape: FloatArray, least: float) -> list[Mismat
     total = float(np.sum(shape**2))
     for k, signal in enumerate(SIGNALS):
         energy = shape[:, k] ** 2
-        if np.sqrt(energy.mean()) < least:
+        if np.sqrt(energy.mean()) < min_times_noise:
             continue
         if k == 2 and not data.has_truth:
             signal = GYRO
@@ -72,7 +72,7 @@ def pose_spans(problem: Problem, shape: FloatArray, least: float) -> list[Mismat
                     t_start_s=float(data.t_s[first]),
                     t_end_s=float(data.t_s[last]),
                     share=float(energy[window] / total),
-                    regime=f"{WORDS[k]} over {data.t_s[last] - data.t_s[first]:.1f} s",
+                    regime=f"{COMPONENTS[k]} over {data.t_s[last] - data.t_s[first]:.1f} s",
                     times_noise=float(abs(shape[window, k])),
                 )
             )

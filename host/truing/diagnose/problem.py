@@ -1,33 +1,36 @@
-"""What every fit of a diagnosis shares: the simulator, the measured signals, their noise, the free numbers.
+"""The estimation problem that all fits share: simulator, measured signals, noise model, free parameters.
 
-Wheels and pose are judged each on their own noise (whitened), and then stacked: an effect that shows
-only in one of them is weighed there, an effect that shows in both must agree with both.
+Wheel and pose residuals are whitened with their own noise models and stacked into one vector.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
+from truing.arrays import FloatArray, IntArray
 from truing.diagnose.catalogue import CATALOGUE
-from truing.diagnose.data import POSE_HORIZON_S as POSE_HORIZON_S
-from truing.diagnose.data import SetData
-from truing.diagnose.noise import MEMORY_TAUS, Noise, estimate_noise, lag_index, lags_for, whiten
+from truing.diagnose.data.set_data import POSE_HORIZON_S as POSE_HORIZON_S
+from truing.diagnose.data.set_data import SetData
+from truing.diagnose.noise import MEMORY_TAUS, Noise, estimate_noise, lag_index, lags_for, white_noise, whiten
+from truing.diagnose.noise_floor import NoiseFloor, noise_floor
 from truing.diagnose.simulation.simulator import SetSimulator
-from truing.model.kernel import FloatArray, IntArray
 
-# Whitened residuals beyond this many standard deviations pull no harder than this: one bad sample, one
-# knock against the robot, decides nothing (Huber 1964).
+# Threshold of the robust loss, standard deviations: beyond it the loss is linear, so that an outlier or an
+# impact on the robot has bounded influence (Huber 1964).
 CLIP = 4.0
-# Rounding to whole counts gives a differenced speed an RMS of sqrt(1/6) of a count per row; and no speed
-# is known better than to a hundred-thousandth of the robot's fastest.
-LEAST_COUNTS, LEAST_OF_TOP = 0.4, 1e-5
+# Lower bounds of the noise: quantisation gives a differenced speed an RMS of sqrt(1/6) of a count per row;
+# and a hundred-thousandth of the robot's top speed.
+MIN_NOISE_COUNTS, MIN_NOISE_SHARE = 0.4, 1e-5
+# Upper bound of the noise, as a multiple of its floor: what a model leaves beyond is model error.
+MAX_NOISE_OF_FLOOR = 1.5
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One number that a fit may change: one entry of the simulator's vector, or several that are tied."""
+    """One free parameter of a fit: one entry of the simulator's vector, or several tied to one value."""
 
     name: str
     entries: tuple[int, ...]
@@ -38,13 +41,13 @@ class Column:
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """Model against recording at one parameter vector.
+    """Residual of the model at one parameter vector.
 
     Attributes
     ----------
     speeds : shape (n, 2), m/s, simulated.
-    wheels : shape (n, 2), whitened, in standard deviations; uncounted rows are zero.
-    pose : shape (m, 3), in standard deviations; what was not measured is zero.
+    wheels : shape (n, 2), whitened, in standard deviations; rows of weight zero are zero.
+    pose : shape (m, 3), in standard deviations; zero where nothing was measured.
     """
 
     speeds: FloatArray
@@ -52,7 +55,7 @@ class Residual:
     pose: FloatArray
 
     def flat(self) -> FloatArray:
-        """One vector, clipped softly (Huber's square root) for a search."""
+        """One vector; its squares are Huber's loss."""
         e = np.concatenate((self.wheels.ravel(), self.pose.ravel()))
         size = np.abs(e)
         return np.where(size > CLIP, np.sign(e) * np.sqrt(np.maximum(2.0 * CLIP * size - CLIP**2, 0.0)), e)
@@ -60,7 +63,17 @@ class Residual:
 
 @dataclass(frozen=True)
 class Problem:
-    """Recordings, simulator and noise; `counted` (n, 2) and `pose_counted` (m,) say what a fit sees."""
+    """Recordings, simulator and noise model.
+
+    Attributes
+    ----------
+    counted : shape (n, 2), weights 0..1 of the rows in a fit.
+    pose_counted : shape (m,), weights of the pose windows.
+    lagged : shape (order, n), row indices of the noise model's lags.
+    tied : both wheels share gain and time constant.
+    base_effects : effects that the baseline already contains.
+    direct_evidence : log-likelihood ratio of effects from two recorded signals, without a robot model, nats.
+    """
 
     data: SetData
     simulator: SetSimulator
@@ -72,18 +85,18 @@ class Problem:
     tied: bool = False
     base_effects: tuple[str, ...] = ()
     base_columns: tuple[Column, ...] = field(default=())
-    told: dict[str, float] = field(default_factory=dict)
+    direct_evidence: dict[str, float] = field(default_factory=dict)
 
     def evidence(self, effects: tuple[str, ...]) -> float:
-        """What the signals say directly for these effects, nats."""
-        return sum(self.told.get(name, 0.0) for name in effects)
+        """Direct evidence for these effects, summed, nats."""
+        return sum(self.direct_evidence.get(name, 0.0) for name in effects)
 
     def masks(self, effects: tuple[str, ...]) -> np.ndarray:
-        """Which effects are on, for the simulator."""
+        """The simulator's mask with the baseline's effects and these switched on."""
         return self.simulator.enabled((*self.base_effects, *effects))
 
     def residual(self, theta: FloatArray, effects: tuple[str, ...]) -> Residual:
-        """Simulate and compare."""
+        """Whitened residual of a simulation."""
         on = self.masks(effects)
         speeds = self.simulator.speeds(theta, on)
         return Residual(speeds, self.whiten(self.data.speed_mps - speeds), self.pose(theta, on))
@@ -108,7 +121,7 @@ class Problem:
         return np.asarray(np.where(np.isfinite(raw), raw, 0.0))
 
     def flattened(self, speeds: FloatArray, pose: FloatArray) -> FloatArray:
-        """Changes of speeds (n, 2, k) and of the pose (m, 3, k) as columns beside the flat residual."""
+        """Changes of speeds (n, 2, k) and of the pose (m, 3, k) as columns of the flat residual."""
         width = speeds.shape[2]
         white = self.whiten(speeds).reshape(-1, width)
         scaled = pose / self.pose_sigma[:, None] * self.pose_counted[:, None, None]
@@ -117,7 +130,7 @@ class Problem:
     def jacobian(
         self, theta: FloatArray, effects: tuple[str, ...], columns: tuple[Column, ...]
     ) -> FloatArray:
-        """Derivatives of the flat residual, shape (2n + 3m, p), without the clipping."""
+        """Derivatives of the flat residual, shape (2n + 3m, p), without the robust weighting."""
         on = self.masks(effects)
         free = [entry for column in columns for entry in column.entries]
         raw = self.simulator.jacobian(theta, on, free)
@@ -141,32 +154,55 @@ class Problem:
         return np.concatenate((white, pose))
 
     def restricted(self, counted: FloatArray, pose_counted: FloatArray) -> Problem:
-        """The same problem on some of the rows and pose windows."""
+        """The same problem with other row and window weights."""
         return replace(self, counted=counted, pose_counted=pose_counted)
 
+    def free_run_rmse(self, speeds: FloatArray) -> float:
+        """Root mean square over counted rows of measured minus simulated speeds (n, 2), m/s."""
+        error = (self.data.speed_mps - speeds)[self.counted > 0.0]
+        return float(np.sqrt(np.mean(error**2))) if error.size else 0.0
+
+    def rms_by_wheel(self, speeds: FloatArray) -> FloatArray:
+        """The same for each wheel, shape (2,), m/s, the rows by their weight."""
+        square = self.counted * np.where(self.counted > 0.0, self.data.speed_mps - speeds, 0.0) ** 2
+        return np.asarray(np.sqrt(square.sum(axis=0) / np.maximum(self.counted.sum(axis=0), 1.0)))
+
+    @cached_property
+    def floor(self) -> NoiseFloor:
+        """The noise of these recordings, from the recordings alone."""
+        return noise_floor(self.data)
+
+    def exceeds_noise(self, speeds: FloatArray, times: float = 1.0) -> bool:
+        """Whether simulated speeds (n, 2) leave more than so many times the floor, at either wheel."""
+        return bool(np.any(self.rms_by_wheel(speeds) > times * self.floor.rms))
+
+    def unweighted(self, rms_mps: float) -> Problem:
+        """The same problem under white noise: fits minimise the free-run error itself."""
+        return self.with_noise(white_noise(self.lagged, max(rms_mps, 1e-9)))
+
     def for_thread(self) -> Problem:
-        """The same problem with a simulator of its own, whose scratch memory no other thread writes."""
+        """The same problem with a simulator of its own (its scratch memory is not thread-safe)."""
         return replace(self, simulator=self.simulator.select(range(self.data.runs)))
 
     def with_noise(self, noise: Noise, pose_sigma: FloatArray | None = None) -> Problem:
-        """The same problem with another idea of the noise."""
+        """The same problem with another noise model."""
         return replace(self, noise=noise, pose_sigma=self.pose_sigma if pose_sigma is None else pose_sigma)
 
     def columns_of(self, effects: tuple[str, ...]) -> tuple[Column, ...]:
-        """The free numbers with these effects added: the baseline's, then the effects'."""
+        """Free parameters of the baseline and of these effects."""
         return self.base_columns + tuple(
             column for name in effects for column in effect_columns(self.simulator, name)
         )
 
 
 def moves_pose(column: Column, commanded: bool) -> bool:
-    """Whether a number changes where the robot goes while its wheels are measured."""
+    """Whether a parameter changes the predicted pose, given the measured wheels."""
     effect = column.name.split(".")[0]
     return commanded or ("." in column.name and CATALOGUE[effect].domain != "wheel")
 
 
 def effect_columns(simulator: SetSimulator, name: str) -> tuple[Column, ...]:
-    """The free numbers of one effect; what its file marks as scanned is searched by starts, then fitted."""
+    """Free parameters of one effect."""
     layout = simulator.layout
     return tuple(
         Column(
@@ -208,19 +244,20 @@ def base_columns(simulator: SetSimulator, tied: bool, base_effects: tuple[str, .
 
 
 def lagged_rows(data: SetData) -> IntArray:
-    """Row numbers of each row's predecessors for the noise model."""
+    """Row indices at the lags of the noise model, shape (order, n)."""
     return lag_index(data.starts, len(data), lags_for(float(np.median(data.interval_s))))
 
 
-def noise_left(data: SetData, residual: FloatArray, counted: FloatArray, taus_s: FloatArray) -> Noise:
-    """The noise of both wheels if `residual` (n, 2), m/s, is all noise; `taus_s` (2,) bounds its memory."""
-    floor = np.full(2, max(LEAST_COUNTS * data.resolution_mps, LEAST_OF_TOP * data.top_mps))
+def noise_of_residual(data: SetData, residual: FloatArray, counted: FloatArray, taus_s: FloatArray) -> Noise:
+    """Noise model of a residual (n, 2), m/s; `taus_s` (2,) bounds its correlation time."""
+    floor = np.full(2, max(MIN_NOISE_COUNTS * data.resolution_mps, MIN_NOISE_SHARE * data.top_mps))
     interval_s = float(np.median(data.interval_s))
-    return estimate_noise(residual, counted, data.starts, interval_s, MEMORY_TAUS * taus_s, floor)
+    ceiling = MAX_NOISE_OF_FLOOR * noise_floor(data).rms
+    return estimate_noise(residual, counted, data.starts, interval_s, MEMORY_TAUS * taus_s, floor, ceiling)
 
 
-def pose_spread(problem: Problem, theta: FloatArray, effects: tuple[str, ...]) -> FloatArray:
-    """RMS of each pose component that these numbers leave over, robustly, shape (3,), m, m, rad."""
+def robust_pose_sigma(problem: Problem, theta: FloatArray, effects: tuple[str, ...]) -> FloatArray:
+    """Robust standard deviation of each pose residual, shape (3,), m, m, rad."""
     spread = np.ones(3)
     if not len(problem.pose_counted):
         return spread

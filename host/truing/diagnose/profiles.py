@@ -1,4 +1,4 @@
-"""A library of safe drives: each shows what ordinary driving hides, and most come back to the start."""
+"""A library of safe drives that excite what ordinary driving does not; most return to the start."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ Step = tuple[float, float, float]
 
 AMPLITUDES = (1.0, 0.6, 0.35)
 # Below this a wheel may not break away, and the run would show nothing.
-LEAST_AMPLITUDE = 0.12
+MIN_AMPLITUDE = 0.12
 REST_S = 0.8
 FAST_RATE_HZ = 100
 # A half cycle shorter than this is lost between two ticks of a 1 ms controller and a 20 Hz log.
-SHORTEST_HALF_S = 0.06
-# A robot that spins faster than this slides, tips, or winds up its cable.
-MOST_TURNING_RADPS = 8.0
+MIN_HALF_PERIOD_S = 0.06
+# A robot that turns faster than this slides, tips, or winds up its cable.
+MAX_TURN_RATE_RADPS = 8.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +54,9 @@ class Profile:
 
     Attributes
     ----------
-    shows : what a reader learns from it, one sentence.
+    shows : what it distinguishes, one sentence.
     build : amplitude (0 to 1) and robot to steps for the wheels together; `spin` turns on the spot.
-    fast : worth logging faster than usual.
+    fast : also proposed at a higher log rate.
     spins : whether it makes sense on the spot too.
     """
 
@@ -68,14 +68,14 @@ class Profile:
     spins: bool = True
 
 
-def candidates(robot: Robot, limits: Limits, log_rate_hz: float) -> Iterator[tuple[Profile, Plan]]:
+def candidate_plans(robot: Robot, limits: Limits, log_rate_hz: float) -> Iterator[tuple[Profile, Plan]]:
     """Every profile in every size that stays within the limits, as plans that `truing run` takes."""
     for profile in PROFILES:
         for spin in (False, True) if profile.spins else (False,):
             fitted = 0
             for share in AMPLITUDES:
                 amplitude = share * limits.effort
-                steps = profile.build(max(amplitude, LEAST_AMPLITUDE), robot)
+                steps = profile.build(max(amplitude, MIN_AMPLITUDE), robot)
                 if spin:
                     steps = [(seconds, left, -right) for seconds, left, right in steps]
                 for rate in _rates(profile, log_rate_hz):
@@ -85,8 +85,8 @@ def candidates(robot: Robot, limits: Limits, log_rate_hz: float) -> Iterator[tup
                         yield profile, plan
             if not fitted and not spin:
                 # A fast robot on a small floor: shorter steps at the least amplitude.
-                short = [(0.4 * seconds, a, b) for seconds, a, b in profile.build(LEAST_AMPLITUDE, robot)]
-                plan = _plan(profile, short, LEAST_AMPLITUDE, spin, round(log_rate_hz))
+                short = [(0.4 * seconds, a, b) for seconds, a, b in profile.build(MIN_AMPLITUDE, robot)]
+                plan = _plan(profile, short, MIN_AMPLITUDE, spin, round(log_rate_hz))
                 if plan is not None and _fits(plan, robot, limits):
                     yield profile, plan
 
@@ -115,7 +115,7 @@ def _fits(plan: Plan, robot: Robot, limits: Limits) -> bool:
     model = MotionModel(robot.gain_mps, robot.gain_mps, robot.time_constant_s, robot.wheelbase_m)
     need = estimate_floor(plan, model)
     apart = max(abs(segment.b - segment.a) for segment in plan.segments)
-    slow = apart * robot.gain_mps / robot.wheelbase_m <= MOST_TURNING_RADPS
+    slow = apart * robot.gain_mps / robot.wheelbase_m <= MAX_TURN_RATE_RADPS
     return slow and need.radius_m <= limits.floor_m
 
 
@@ -141,10 +141,10 @@ def _reversal(amplitude: float, robot: Robot) -> list[Step]:
 
 
 def _chirp(amplitude: float, robot: Robot) -> list[Step]:
-    """Square waves from slow to 8 Hz: what is late, and what is merely slow, part ways as they quicken."""
+    """Square waves from slow to 8 Hz: a delay and a lag differ at high frequencies."""
     half, steps = min(_settle(robot), 0.8), []
     sign = 1.0
-    while half > SHORTEST_HALF_S:
+    while half > MIN_HALF_PERIOD_S:
         steps += [_both(half, sign * amplitude), _both(half, -sign * amplitude)]
         half *= 0.85
     return [*steps, *steps[::-1]] if len(steps) < MAX_SEGMENTS // 4 else steps
@@ -178,7 +178,7 @@ def _staircase(amplitude: float, robot: Robot) -> list[Step]:
 
 
 def _load_rest(amplitude: float, robot: Robot) -> list[Step]:
-    """Work, rest, the same work again: what recovers at rest was heat, what does not was charge."""
+    """Load, rest, the same load again: heating recovers at rest, discharge does not."""
     hold = _settle(robot)
     pairs = max(round(12.0 / (2.0 * hold)), 1)
     work = [_both(hold, sign * amplitude) for _ in range(pairs) for sign in (1.0, -1.0)]
@@ -214,7 +214,7 @@ def _half_turn(amplitude: float, robot: Robot) -> list[Step]:
 
 
 def _full_reversal(amplitude: float, robot: Robot) -> list[Step]:
-    """The hardest that the motors are ever asked for."""
+    """The largest accelerations that the motors can be asked for."""
     hold = min(max(1.5 * robot.time_constant_s, 0.3), 1.0)
     steps = [_both(hold, amplitude)]
     for _ in range(3):
@@ -225,26 +225,26 @@ def _full_reversal(amplitude: float, robot: Robot) -> list[Step]:
 PROFILES: tuple[Profile, ...] = (
     Profile(
         "reversals", "Steps in one direction and reversals",
-        "a gap or breakaway acts at each reversal only, a delay at every step alike", _reversal, fast=True,
+        "backlash or breakaway acts at reversals only, a delay at every step", _reversal, fast=True,
     ),
     Profile(
         "chirp", "Square waves from slow to 8 Hz",
-        "a pure delay keeps the wheels' shape where a lag wears it down", _chirp, fast=True,
+        "a pure delay keeps the shape of the response, a lag attenuates it", _chirp, fast=True,
     ),
     Profile(
         "ramps", "Slow ramps through zero",
-        "where the wheels let go and where they stop tells breakaway from running friction", _ramps,
+        "the efforts at breakaway and at the stop separate breakaway from running friction", _ramps,
     ),
     Profile(
         "coast_down", "Steps and letting go",
-        "dry friction stops a wheel in finite time; a dead band or drag lets it run out", _coast,
+        "dry friction stops a wheel in finite time; with a dead band or drag it decays exponentially", _coast,
     ),
     Profile(
         "staircase", "Every level to the top, both ways",
         "a limit is flat above its level, drag bends the whole curve, friction shifts it", _staircase,
     ),
     Profile(
-        "load_rest_repeat", "Work, rest, the same work again",
+        "load_rest_repeat", "Load, rest, the same load again",
         "heat recovers at rest, charge does not", _load_rest,
     ),
     Profile(

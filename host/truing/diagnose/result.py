@@ -1,4 +1,4 @@
-"""What a diagnosis says: verdict, effects, places, doubts; its JSON is the contract's section 4."""
+"""The result of a diagnosis; docs/DATA_FORMAT.md, section 4, defines its JSON."""
 
 from __future__ import annotations
 
@@ -7,23 +7,31 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
-from truing.diagnose.traces import RunTraces
+from truing.arrays import FloatArray
+from truing.diagnose.data.traces import RunTraces
 from truing.plan import Plan
-from truing.recording import FloatArray, Wheel
+from truing.recording.run import Wheel
 
-Verdict: TypeAlias = Literal["consistent", "parameters_only", "missing_physics", "ambiguous", "unexplained"]
+Verdict: TypeAlias = Literal[
+    "consistent", "parameters_only", "missing_physics", "partly_explained", "ambiguous", "unexplained"
+]
 Scope: TypeAlias = Literal["left", "right", "both", "body"]
 Domain: TypeAlias = Literal["wheel", "pose"]
-Severity: TypeAlias = Literal["note", "doubt"]
+Severity: TypeAlias = Literal["note", "warning"]
 
-SCHEMA = 1
+SCHEMA = 2
 VERDICTS: tuple[Verdict, ...] = (
     "consistent",
     "parameters_only",
     "missing_physics",
+    "partly_explained",
     "ambiguous",
     "unexplained",
 )
+
+
+# Verdicts that name effects.
+NAMING: tuple[Verdict, ...] = ("missing_physics", "partly_explained", "ambiguous")
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,21 +43,21 @@ class EffectParameter:
     unit: str
 
     def to_json(self) -> dict[str, Any]:
-        """As the contract has it; what is not finite becomes null."""
+        """As docs/DATA_FORMAT.md has it; what is not finite becomes null."""
         low, high = self.ci95
         return {"value": number(self.value), "ci95": [number(low), number(high)], "unit": self.unit}
 
 
 @dataclass(frozen=True, slots=True)
 class NamedEffect:
-    """An effect that the verdict names, alone or as one of several that explain the recordings alike.
+    """An effect that the verdict names, alone or as one of several alternatives.
 
     Attributes
     ----------
-    parameters : by the contract's names.
-    confidence : 0 to 1, that this effect and no other of the catalogue is the one.
+    parameters : by the names of docs/DATA_FORMAT.md.
+    confidence : 0 to 1, that this effect of the catalogue is present.
     heldout_rmse_before, heldout_rmse_after : free-run error of the refitted baseline and of the baseline
-        with this effect, on runs that neither was fitted to; `unit`.
+        with this effect, on runs left out of both fits; `unit`.
     indistinguishable_from : the other effects that explain the recordings as well.
     domain : which signals show it: the wheels' speeds, or the pose against an outside reference.
     explanation : which of the explanations it belongs to, when several are left: effects of one number
@@ -70,7 +78,7 @@ class NamedEffect:
     note: str = ""
 
     def to_json(self) -> dict[str, Any]:
-        """As the contract has it, with `domain`, `unit`, `explanation` and `note` besides."""
+        """As docs/DATA_FORMAT.md has it."""
         return {
             "name": self.name,
             "scope": self.scope,
@@ -93,7 +101,7 @@ class MismatchSpan:
     Attributes
     ----------
     signal : the column it is about (`vel_left_mps`, `truth_theta_rad`, ...).
-    share : of the whole mismatch energy that stands out, 0 to 1.
+    share : of the energy of the whole mismatch, 0 to 1.
     regime : what the robot does there, in words.
     times_noise : RMS of the mismatch in the span over the RMS of the noise there.
     """
@@ -107,7 +115,7 @@ class MismatchSpan:
     times_noise: float | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """As the contract has it, with `times_noise` besides."""
+        """As docs/DATA_FORMAT.md has it."""
         return {
             "run": self.run,
             "signal": self.signal,
@@ -121,34 +129,44 @@ class MismatchSpan:
 
 @dataclass(frozen=True, slots=True)
 class FitErrors:
-    """Free-run errors over all runs: the baseline as given, refitted, with what was named; and the noise."""
+    """Free-run errors over all runs: the baseline as given, refitted, with what was named; and the noise.
+
+    Attributes
+    ----------
+    noise_floor : from the recordings alone, and never above `model_rmse`.
+    heldout_refit_rmse, heldout_model_rmse : of both models on runs left out.
+    """
 
     baseline_rmse: float
     refit_rmse: float
     model_rmse: float
     noise_floor: float
     unit: str = "m/s"
+    heldout_refit_rmse: float = math.nan
+    heldout_model_rmse: float = math.nan
 
     def to_json(self) -> dict[str, Any]:
-        """As the contract has it."""
+        """As docs/DATA_FORMAT.md has it."""
         return {
             "baseline_rmse": number(self.baseline_rmse),
             "refit_rmse": number(self.refit_rmse),
             "model_rmse": number(self.model_rmse),
             "noise_floor": number(self.noise_floor),
             "unit": self.unit,
+            "heldout_refit_rmse": number(self.heldout_refit_rmse),
+            "heldout_model_rmse": number(self.heldout_model_rmse),
         }
 
 
 @dataclass(frozen=True, slots=True)
 class NextExperiment:
-    """The run that would tell the explanations apart.
+    """The run that would distinguish the explanations.
 
     Attributes
     ----------
     separates : the explanations, each as the effects that it consists of.
     expected_difference_over_noise : whitened norm of what the run would show between the two closest
-        explanations, the rival refitted; about 3 is where two explanations can be told apart.
+        explanations, the rival refitted; above about 3 they are distinguishable.
     why : in words.
     """
 
@@ -169,13 +187,13 @@ class NextExperiment:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One thing about the data that a reader should know.
+    """One finding about the data.
 
     Attributes
     ----------
-    severity : `doubt` where it touches the verdict, `note` where it only explains.
+    severity : `warning` where it affects the verdict, `note` where it only explains.
     next_step : what to do about it; may be empty.
-    blocks : effects that cannot be judged because of it.
+    blocks : effects that are not identifiable because of it.
     """
 
     topic: str
@@ -208,15 +226,15 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class RankedEffect:
-    """One effect, or set of effects, that was tried; all are listed, so that one sees what was paid for.
+    """One effect, or set of effects, that was tested; all are listed (multiple testing).
 
     Attributes
     ----------
     names : the effects added to the baseline.
-    score : the screen's test statistic at zero amplitude, over its own critical value where calibrated.
-    improvement : gain in whitened log-likelihood over the refitted baseline (nats), parameters paid for.
+    score : predicted gain of the score test, nats.
+    improvement : penalised log-likelihood gain over the refitted baseline, nats.
     heldout_rmse : free-run error on runs that were left out, m/s (or `unit`); NaN when not fitted.
-    fitted : whether it came past the screen.
+    fitted : whether the score test led to a fit.
     note : why it was dropped, or kept.
     """
 
@@ -247,13 +265,13 @@ class RankedEffect:
 
 @dataclass(frozen=True, slots=True)
 class SignalNoise:
-    """The noise of one signal as the recordings themselves show it.
+    """The noise of one signal, estimated from the recordings.
 
     Attributes
     ----------
     signal : `vel_left_mps` and so on, or `truth_x_m`, ...
     quantisation, disturbance, rms : RMS each, in `unit`; rms is both together.
-    correlation_s : how long a disturbance lasts, s.
+    correlation_s : correlation time, s.
     known_from : in words: repeated runs, the residual of the richest model, ...
     """
 
@@ -340,7 +358,7 @@ class Explanation:
 
 @dataclass(frozen=True, slots=True)
 class Compensation:
-    """Values for the board that counter what was found, and what no parameter of the board can counter."""
+    """Board parameters that compensate the diagnosed effects, and notes on those without one."""
 
     parameters: Mapping[str, float]
     notes: tuple[str, ...] = ()
@@ -351,18 +369,51 @@ class Compensation:
 
 
 @dataclass(frozen=True, slots=True)
+class RecordedSignal:
+    """How the recorder made one signal; nothing of it is the robot's.
+
+    Attributes
+    ----------
+    updated_every_s : usual time between two measurements, s.
+    late_s : delay of a recorded speed against its own positions or counts, s; NaN where neither is recorded.
+    filter_s : time constant of a first-order filter that explains it instead, s; NaN likewise.
+    resolution : smallest step of the signal, in `unit`; 0 where none is found.
+    """
+
+    updated_every_s: float
+    late_s: float
+    filter_s: float
+    resolution: float
+    unit: str = "m/s"
+
+    def to_json(self) -> dict[str, Any]:
+        """As docs/DATA_FORMAT.md has it."""
+        return {
+            "updated_every_s": number(self.updated_every_s),
+            "late_s": number(self.late_s),
+            "filter_s": number(self.filter_s),
+            "resolution": number(self.resolution),
+            "unit": self.unit,
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class Diagnosis:
-    """The whole answer.
+    """The whole result.
 
     Attributes
     ----------
     name : of the recording set.
     runs : names of the runs, in their order.
-    effects : strongest first; empty unless the verdict is `missing_physics` or `ambiguous`.
+    effects : strongest first; empty unless the verdict is `missing_physics`, `partly_explained` or
+        `ambiguous`.
+    left_over_share : of the mismatch above the noise that no named effect explains, 0 to 1.
+    recorder : how each signal was recorded, by signal.
+    baseline_effects : effects that the baseline already holds, with their refitted parameters.
     pose_fit : the same four errors against the outside pose, or None without one.
     not_exercised : effects that these recordings could not have shown.
     weakly_exercised : effects that they could have shown only if strong.
-    explanations : those left, the best first (one under `missing_physics`); kept out of the JSON.
+    explanations : those possible, best first (one under `missing_physics`); kept out of the JSON.
     traces : per run; kept out of the JSON.
     """
 
@@ -377,6 +428,9 @@ class Diagnosis:
     next_experiment: NextExperiment | None = None
     pose_fit: FitErrors | None = None
     confidence: float = math.nan
+    left_over_share: float = 0.0
+    recorder: Mapping[str, RecordedSignal] = field(default_factory=dict)
+    baseline_effects: Mapping[str, Mapping[str, EffectParameter]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()
     ranking: tuple[RankedEffect, ...] = ()
@@ -389,7 +443,7 @@ class Diagnosis:
     traces: tuple[RunTraces, ...] = field(default=(), repr=False)
 
     def to_json(self) -> dict[str, Any]:
-        """The contract's object with more keys; plain lists, numbers and text only."""
+        """As docs/verdict.schema.json has it: plain lists, numbers and text only."""
         return {
             "schema": SCHEMA,
             "name": self.name,
@@ -400,6 +454,12 @@ class Diagnosis:
             "mismatch": [span.to_json() for span in self.mismatch],
             "fit": self.fit.to_json(),
             "pose_fit": None if self.pose_fit is None else self.pose_fit.to_json(),
+            "left_over": {"share": number(self.left_over_share), "learned": None},
+            "baseline_effects": {
+                name: {key: value.to_json() for key, value in parameters.items()}
+                for name, parameters in self.baseline_effects.items()
+            },
+            "recorder": {name: signal.to_json() for name, signal in self.recorder.items()},
             "not_exercised": list(self.not_exercised),
             "weakly_exercised": list(self.weakly_exercised),
             "next_experiment": None if self.next_experiment is None else self.next_experiment.to_json(),
@@ -415,7 +475,7 @@ class Diagnosis:
 
 
 def number(value: float | None) -> float | None:
-    """A plain float for JSON; None for what is not finite, which JSON has no word for."""
+    """A plain float for JSON; None for what is not finite, which JSON cannot hold."""
     if value is None or not math.isfinite(value):
         return None
     return float(value)

@@ -1,9 +1,9 @@
-"""A first look at every effect: how much of the misfit each could take away, to first order, and from where.
+"""Score tests: to first order, how much of the residual each effect could explain, and at which amplitude.
 
-For each starting value of an effect one simulation shows how it would bend the speeds. That shape, scaled,
-and the baseline's own derivatives are projected on the residual (a score test at a finite amplitude; Rao
-1948). The projection costs one simulation where a fit costs dozens; it decides where fits start, and
-which effects are worth one.
+For each starting value of an effect one simulation (a probe) gives the change of the signals. That shape,
+scaled, and the baseline's own derivatives are projected on the residual (a score test at a finite
+amplitude; Rao 1948). The projection costs one simulation where a fit costs dozens; it selects the effects
+to fit and their starting values.
 """
 
 from __future__ import annotations
@@ -14,45 +14,45 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.effect import Effect, Parameter
 from truing.diagnose.fit import Fit
 from truing.diagnose.problem import Problem
-from truing.model.kernel import FloatArray
 
-# A first-order answer is believed between these multiples of the trial amplitude.
-LEAST_SCALE, LARGEST_SCALE = 0.15, 4.0
-# A second start is worth a try when it promises this share of what the first does.
-LEAST_OF_BEST = 0.6
+# The first-order amplitude is limited to these multiples of the probe's amplitude.
+MIN_SCALE, MAX_SCALE = 0.15, 4.0
+# Further starting values are used if their predicted gain is this share of the best one's.
+MIN_SHARE_OF_BEST = 0.6
 SIDES = ("left", "right")
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
-    """How an effect at one set of starting values bends what the refitted baseline says.
+class Probe:
+    """Change of the refitted baseline's signals by an effect at one set of starting values.
 
     Attributes
     ----------
     values : the effect's parameters.
-    owners : names of the parameters that scale together, one group for each shape.
-    speeds : shape (n, 2, owners), m/s.
-    pose : shape (m, 3, owners), m, m, rad.
+    groups : names of the parameters that scale together, one group per shape.
+    speeds : shape (n, 2, groups), m/s.
+    pose : shape (m, 3, groups), m, m, rad.
     """
 
     values: dict[str, float]
-    owners: tuple[tuple[str, ...], ...]
+    groups: tuple[tuple[str, ...], ...]
     speeds: FloatArray
     pose: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
-class Prospect:
-    """One effect, before it is fitted.
+class Candidate:
+    """The score test of one effect.
 
     Attributes
     ----------
-    gain : log-likelihood that the first-order answer promises, nats.
-    starts : simulator vectors to fit from, the most promising first.
+    gain : predicted log-likelihood gain, first order, nats.
+    starts : simulator vectors to fit from, best first.
     """
 
     name: str
@@ -60,64 +60,64 @@ class Prospect:
     starts: tuple[FloatArray, ...]
 
 
-Looks = dict[str, tuple[Look, ...]]
+Probes = dict[str, tuple[Probe, ...]]
 
 
-def looks_of(problem: Problem, base: Fit, names: Sequence[str]) -> Looks:
-    """Simulate every effect of `names` at its starting values beside the refitted baseline."""
-    still = problem.raw_pose(base.theta, base.effects)
+def simulate_probes(problem: Problem, base: Fit, names: Sequence[str]) -> Probes:
+    """Simulate every effect of `names` at its starting values, added to the refitted baseline."""
+    base_pose = problem.raw_pose(base.theta, base.effects)
     return {
         name: tuple(
-            _look(problem, base, still, CATALOGUE[name], values, groups)
+            _probe(problem, base, base_pose, CATALOGUE[name], values, groups)
             for values, groups in trial_points(CATALOGUE[name])
         )
         for name in names
     }
 
 
-def screen(problem: Problem, anchor: Fit, looks: Looks, *, keep: int = 2) -> list[Prospect]:
-    """Every effect that was looked at beside the effects of `anchor`, the most promising first.
+def rank_candidates(problem: Problem, anchor: Fit, probes: Probes, *, keep: int = 2) -> list[Candidate]:
+    """Score test of every probed effect that `anchor` lacks, largest predicted gain first.
 
-    The shapes are those beside the baseline, whatever the anchor: only what the anchor already explains,
-    and what its own numbers could, is taken off.
+    The shapes are those beside the baseline, whatever the anchor; they are made orthogonal to the
+    anchor's own derivatives.
     """
     flat = anchor.residual.flat()
     span = _orthonormal(problem.jacobian(anchor.theta, anchor.effects, anchor.columns))
     found = [
-        _prospect(problem, anchor, name, ways, flat, span, keep)
-        for name, ways in looks.items()
+        _score_test(problem, anchor, name, probes, flat, span, keep)
+        for name, probes in probes.items()
         if name not in anchor.effects
     ]
-    return sorted(found, key=lambda prospect: -prospect.gain)
+    return sorted(found, key=lambda candidate: -candidate.gain)
 
 
-def _prospect(
+def _score_test(
     problem: Problem,
     anchor: Fit,
     name: str,
-    ways: tuple[Look, ...],
+    probes: tuple[Probe, ...],
     flat: FloatArray,
     span: FloatArray,
     keep: int,
-) -> Prospect:
+) -> Candidate:
     effect = CATALOGUE[name]
     found: list[tuple[float, FloatArray]] = []
-    for look in ways:
-        shapes = problem.flattened(look.speeds, look.pose)
-        scales, gain = _project(flat, span, shapes, [_signed(effect, owner) for owner in look.owners])
-        found.append((gain, _place(problem, anchor.theta, effect, look.values, look.owners, scales)))
-    found.sort(key=lambda one: -one[0])
-    good = [theta for gain, theta in found[:keep] if gain >= LEAST_OF_BEST * found[0][0]]
-    return Prospect(name, found[0][0] + problem.evidence((name,)), tuple(good))
+    for probe in probes:
+        shapes = problem.flattened(probe.speeds, probe.pose)
+        scales, gain = _project(flat, span, shapes, [_signed(effect, group) for group in probe.groups])
+        found.append((gain, _start_vector(problem, anchor.theta, effect, probe.values, probe.groups, scales)))
+    found.sort(key=lambda entry: -entry[0])
+    good = [theta for gain, theta in found[:keep] if gain >= MIN_SHARE_OF_BEST * found[0][0]]
+    return Candidate(name, found[0][0] + problem.evidence((name,)), tuple(good))
 
 
 def trial_points(effect: Effect) -> list[tuple[dict[str, float], list[tuple[str, ...]]]]:
-    """Values of an effect's parameters to try, each with the groups of parameters that scale together.
+    """Parameter values to probe, each with the groups of parameters that scale together.
 
-    Parameters that are scanned or that only shape the effect take all their starting values; amplitudes
-    take theirs one after the other. Amplitudes of either sign (sine and cosine, the axes of a slope) are
-    linear: one value each, and each a group of its own. In the pose the wheels do not part by themselves:
-    there each wheel's number is a group of its own.
+    Scanned and nuisance parameters take all combinations of their starting values; amplitudes take theirs
+    in turn. Amplitudes of either sign (sine and cosine, the axes of a slope) are linear: one value each,
+    each its own group. The pose does not separate the wheels: there each wheel's parameter is its own
+    group.
     """
     grid = [p for p in effect.parameters if p.scan or p.nuisance]
     amplitudes = [p for p in effect.parameters if not (p.scan or p.nuisance)]
@@ -136,12 +136,12 @@ def trial_points(effect: Effect) -> list[tuple[dict[str, float], list[tuple[str,
 
 
 def signed(parameter: Parameter) -> bool:
-    """Whether an amplitude may lie on either side of nothing."""
+    """Whether an amplitude may have either sign."""
     return parameter.lower < parameter.off < parameter.upper
 
 
-def _signed(effect: Effect, owner: tuple[str, ...]) -> bool:
-    return all(signed(p) for p in effect.parameters if p.name in owner)
+def _signed(effect: Effect, group: tuple[str, ...]) -> bool:
+    return all(signed(p) for p in effect.parameters if p.name in group)
 
 
 def _group(effect: Effect, parameter: Parameter) -> str:
@@ -154,42 +154,42 @@ def _kind(parameter: Parameter) -> str:
     return "_".join(word for word in parameter.name.split("_") if word not in SIDES) or "side"
 
 
-def _look(
+def _probe(
     problem: Problem,
     base: Fit,
-    still: FloatArray,
+    base_pose: FloatArray,
     effect: Effect,
     values: dict[str, float],
     groups: list[tuple[str, ...]],
-) -> Look:
-    """One shape for each group of parameters, by wheel where the wheels have their own numbers."""
+) -> Probe:
+    """One shape per group of parameters, per wheel where the wheels have parameters of their own."""
     layout = problem.simulator.layout
     effects = (*base.effects, effect.name)
     sided = {p.name: p.wheel for p in effect.parameters}
     speeds: list[FloatArray] = []
     poses: list[FloatArray] = []
-    owners: list[tuple[str, ...]] = []
+    probe_groups: list[tuple[str, ...]] = []
     for names in groups:
         theta = base.theta.copy()
         for p in effect.parameters:
             on = p.name in names or p.scan or p.nuisance
             theta[layout.index(f"{effect.name}.{p.name}")] = values[p.name] if on else p.off
-        bent = problem.simulator.speeds(theta, problem.masks(effects)) - base.residual.speeds
+        speed_change = problem.simulator.speeds(theta, problem.masks(effects)) - base.residual.speeds
         in_pose = problem.data.commanded or effect.domain != "wheel"
-        moved = still - problem.raw_pose(theta, effects) if in_pose else np.zeros_like(still)
+        pose_change = base_pose - problem.raw_pose(theta, effects) if in_pose else np.zeros_like(base_pose)
         by_wheel = {side: tuple(n for n in names if sided[n] == side) for side in SIDES}
-        if all(by_wheel.values()) and not moved.any():
+        if all(by_wheel.values()) and not pose_change.any():
             for wheel, side in enumerate(SIDES):
-                only = np.zeros_like(bent)
-                only[:, wheel] = bent[:, wheel]
+                only = np.zeros_like(speed_change)
+                only[:, wheel] = speed_change[:, wheel]
                 speeds.append(only)
-                poses.append(moved)
-                owners.append(by_wheel[side])
+                poses.append(pose_change)
+                probe_groups.append(by_wheel[side])
         else:
-            speeds.append(bent)
-            poses.append(moved)
-            owners.append(names)
-    return Look(values, tuple(owners), np.stack(speeds, axis=-1), np.stack(poses, axis=-1))
+            speeds.append(speed_change)
+            poses.append(pose_change)
+            probe_groups.append(names)
+    return Probe(values, tuple(probe_groups), np.stack(speeds, axis=-1), np.stack(poses, axis=-1))
 
 
 def _orthonormal(columns: FloatArray) -> FloatArray:
@@ -202,7 +202,7 @@ def _orthonormal(columns: FloatArray) -> FloatArray:
 def _project(
     flat: FloatArray, span: FloatArray, shapes: FloatArray, signs: list[bool]
 ) -> tuple[FloatArray, float]:
-    """Best scale of each shape beside the span (none below zero unless signed), and the gain in nats."""
+    """Least-squares scale of each shape orthogonal to the span (non-negative unless signed); gain, nats."""
     rest = shapes - span @ (span.T @ shapes)
     target = flat - span @ (span.T @ flat)
     active = list(np.flatnonzero(np.sum(rest**2, axis=0) > 1e-9))
@@ -221,23 +221,23 @@ def _project(
     return scales, 0.0
 
 
-def _place(
+def _start_vector(
     problem: Problem,
     theta: FloatArray,
     effect: Effect,
     values: dict[str, float],
-    owners: tuple[tuple[str, ...], ...],
+    groups: tuple[tuple[str, ...], ...],
     scales: FloatArray,
 ) -> FloatArray:
-    """The vector to fit from: amplitudes at their projected size, within reason."""
+    """Starting vector: amplitudes at their projected size, limited."""
     layout = problem.simulator.layout
     start = theta.copy()
-    scale_of = {name: float(scale) for names, scale in zip(owners, scales, strict=True) for name in names}
+    scale_of = {name: float(scale) for names, scale in zip(groups, scales, strict=True) for name in names}
     for p in effect.parameters:
         value = values[p.name]
         if p.name in scale_of and not p.scan:
             scale = scale_of[p.name]
-            low = -LARGEST_SCALE if signed(p) else LEAST_SCALE
-            value = p.off + float(np.clip(scale, low, LARGEST_SCALE)) * (value - p.off)
+            low = -MAX_SCALE if signed(p) else MIN_SCALE
+            value = p.off + float(np.clip(scale, low, MAX_SCALE)) * (value - p.off)
         start[layout.index(f"{effect.name}.{p.name}")] = float(np.clip(value, p.lower, p.upper))
     return start

@@ -1,52 +1,60 @@
-"""From fits to a verdict: what is accused, what is left in doubt, and when to say that nothing fits.
+"""Decision rules from fits to a verdict: effects named, ambiguity, unexplained residual structure.
 
-Every limit here is a size or a certainty that a reader can state; none belongs to one effect. A wrong
-accusation costs more than an honest doubt, so an effect is named when it is sure (log-likelihood paid for
-every number, and standard errors over blocks of time) *and* large enough to matter beside the noise.
+Every limit is an effect size or a significance level; none belongs to one effect. A false positive costs
+more than an ambiguous verdict, so an effect is named when it is significant (log-likelihood penalised for
+every parameter, robust to the largest block) *and* large enough to matter beside the noise.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from truing.diagnose.adequacy import Structure, find_bursts
+from truing.arrays import BoolArray
 from truing.diagnose.catalogue import CATALOGUE
-from truing.diagnose.compare import SURE_GAIN
-from truing.diagnose.data import BoolArray
-from truing.diagnose.fit import Fit, judge
-from truing.diagnose.pairs import doubted_second, needs_both, surely_both
-from truing.diagnose.problem import CLIP, LEAST_COUNTS, Problem
+from truing.diagnose.compare import SIGNIFICANT_GAIN
+from truing.diagnose.fit import Fit
+from truing.diagnose.pairs import both_significant, needs_both_effects, second_effect_alternatives
+from truing.diagnose.problem import CLIP, MIN_NOISE_COUNTS, Problem
+from truing.diagnose.residual_tests import Structure, find_bursts, residual_structure
 from truing.diagnose.result import Verdict
 from truing.diagnose.search import Search
+from truing.diagnose.unseen_runs import NEGLIGIBLE, SIMILAR_BENEFIT, UnseenRuns
 
-# A moment is evidence where it says this much: no knock is told so well by numbers that say nothing
-# everywhere else. What the numbers leave of it is weighed as any other rest.
-LOUD_GAIN = 150.0
-LEAST_FIRST = 0.25
-# Another explanation is a rival unless it is worse by this much.
+# A gain this large is significant even if a single block of time holds most of it, nats. Smallest RMS change
+# of a signal, over its noise, for an effect to be named.
+LARGE_GAIN = 150.0
+MIN_DIFFERENCE = 0.25
+# Another explanation is a rival if its gain is lower by less than this, nats, or its simulation differs by
+# less than this multiple of the noise.
 RIVAL_GAIN, RIVAL_TIMES = 6.0, 0.15
-# A doubt between more names than this helps nobody: of many rivals the best are told.
-MOST_NAMED, MOST_PAIRS_WEIGHED = 3, 5
-# What a flexible model still foretells is unexplained beyond these: RMS over noise, standard errors of the
-# share (or so many of the runs in which it foretells at all: a few loud ones make the error large), share
-# (in RMS, of one effect; the remainders of two add up) of what was explained.
-LEFT_RUNS = 0.75
-LEFT_TIMES, LEFT_ERRORS, LEFT_SHARE = 0.33, 2.5, 0.3
-# What is left, foretold or in moments that no noise makes, is unexplained also where it holds this share
-# of a wheel's residual energy and the accused effects took away less than a few times as much.
-LEAST_FORETOLD, LEAST_BURSTS, LEFT_OF_EXPLAINED = 0.06, 0.12, 0.4
-# Bursts in more than this share of the rows are no events, the noise itself is larger there, unless they
-# stand this many times above the rest in RMS. A row that counts for less than this says nothing of events.
-MOST_BURST_ROWS, ABOVE_REST, LEAST_WEIGHT = 0.1, 5.0, 0.5
-# A residual is more than rounding above this many times rounding's own RMS.
-ABOVE_ROUNDING = 1.2
-# Confidence in an explanation that is as good with an effect less.
-EVEN = 0.5
-# The baseline's numbers are off beyond this RMS over noise.
-OFF_TIMES = 0.15
+# Most effects listed under an ambiguous verdict; pairs compared.
+MAX_NAMED, MAX_PAIRS_COMPARED = 3, 5
+# Predictable residual structure is unexplained beyond these: RMS over noise; standard errors of its share of
+# the energy (or share of the runs in which anything is predicted: a few outlying runs inflate the standard
+# error); and share of what was explained (in RMS, per effect).
+STRUCTURE_RUNS = 0.75
+STRUCTURE_TIMES_NOISE, STRUCTURE_ERRORS, STRUCTURE_SHARE = 0.33, 2.5, 0.3
+# Predictable structure and bursts are unexplained also where they hold these shares of a wheel's residual
+# energy and more than this share of the energy that the named effects explain.
+MIN_PREDICTED_SHARE, MIN_BURST_SHARE, UNEXPLAINED_OF_EXPLAINED = 0.06, 0.12, 0.4
+# Bursts in more than this share of the rows are taken for larger noise, unless their RMS is this multiple of
+# the other rows'. Rows of a smaller weight are left out of the burst test.
+MAX_BURST_ROWS, BURST_OVER_REST, MIN_ROW_WEIGHT = 0.1, 5.0, 0.5
+# Residual RMS over quantisation RMS below which a residual is quantisation alone.
+OVER_QUANTISATION = 1.2
+# A model that leaves more than this many times the noise's floor leaves something real; above the lower limit
+# another effect is looked for.
+EXCESS_OF_FLOOR, SUSPECT_OF_FLOOR = 3.0, 1.0
+# Beside something unexplained, effects are named if they remove this share of the energy above the noise.
+MIN_EXPLAINED = 0.5
+# More effects are looked for beside two that take away at least this share.
+MIN_EXPLAINED_BY_TWO = 0.4
+# Confidence in an explanation that is as good with one effect fewer.
+TIED_CONFIDENCE = 0.5
+# RMS change of a signal, over its noise, beyond which the baseline's parameters are wrong.
+MIN_PARAMETER_CHANGE = 0.15
 
 
 @dataclass(frozen=True)
@@ -55,9 +63,12 @@ class Reasoning:
 
     Attributes
     ----------
-    best : the model to show: the baseline refitted, or with effects.
-    rivals : other fits that explain as well, best first.
-    left : what a flexible model foretells of what `best` leaves over.
+    given : the baseline with its own parameters.
+    base : the baseline refitted.
+    best : the selected model: the refitted baseline, or with effects.
+    rivals : other fits that explain the recordings as well, best first.
+    remaining : predictable structure in the residual of `best`.
+    confidence : in `best`, 0 to 1.
     """
 
     search: Search
@@ -66,10 +77,8 @@ class Reasoning:
     base: Fit
     best: Fit
     rivals: tuple[Fit, ...]
-    left: Structure
-    tried: tuple[str, ...]
+    remaining: Structure
     confidence: float
-    notes: tuple[str, ...] = field(default=())
 
     @property
     def problem(self) -> Problem:
@@ -77,147 +86,203 @@ class Reasoning:
         return self.search.problem
 
 
-def reason(search: Search, tried: list[str], structure_of: Callable[[Problem, Fit], Structure]) -> Reasoning:
-    """Weigh the fits of a search."""
+def decide(search: Search, best: Fit) -> Reasoning:
+    """Verdict on the selected model of a search."""
     problem, base = search.problem, search.fits[()]
     start = problem.simulator.start()
     given = Fit((), start, (), problem.residual(start, ()))
-    best = choose(search, base)
-    left = beyond_resolution(problem, best, structure_of(problem, best))
+    remaining = above_quantisation(problem, best, residual_structure(problem, best))
     rivals = rivals_of(search, best) if best.effects else ()
-    if remains(left, best, base) or outweighs(search, left, best, base):
-        verdict: Verdict = "unexplained"
+    if _leaves_something(search, best, remaining, EXCESS_OF_FLOOR):
+        explained = share_explained(problem, best, base)
+        verdict: Verdict = "partly_explained" if explained > MIN_EXPLAINED else "unexplained"
     elif best.effects:
         verdict = "ambiguous" if rivals else "missing_physics"
     else:
-        off = search.better(base, given)
-        moved = off.gain > SURE_GAIN and off.times_noise > OFF_TIMES
-        verdict = "parameters_only" if moved else "consistent"
+        change = search.compare(base, given)
+        parameters_differ = change.gain > SIGNIFICANT_GAIN and change.times_noise > MIN_PARAMETER_CHANGE
+        verdict = "parameters_only" if parameters_differ else "consistent"
     sure = confidence(search, best)
     if any(len(rival.effects) < len(best.effects) for rival in rivals):
-        sure = min(sure, EVEN)  # whether all of its effects are there is open
-    return Reasoning(search, verdict, given, base, best, rivals, left, tuple(tried), sure)
+        sure = min(sure, TIED_CONFIDENCE)  # one effect fewer explains the recordings as well
+    return Reasoning(search, verdict, given, base, best, rivals, remaining, sure)
 
 
-def choose(search: Search, base: Fit) -> Fit:
-    """The baseline, the best single effect that matters, or the best two that each are needed."""
-    matter = (one for one in search.ranked(1) if accused(search, one, base))
-    best = next(matter, base)
-    for pair in search.ranked(2)[:MOST_PAIRS_WEIGHED]:
-        if needs_both(search, pair):
-            return pair
-    return best
+def is_incomplete(search: Search, best: Fit) -> bool:
+    """Whether another effect should be looked for beside those of `best`.
+
+    Where two effects explain little, a third is a guess at physics that the catalogue lacks.
+    """
+    explained = share_explained(search.problem, best, search.fits[()])
+    if len(best.effects) > 1 and explained < MIN_EXPLAINED_BY_TWO:
+        return False
+    remaining = above_quantisation(search.problem, best, residual_structure(search.problem, best))
+    return _leaves_something(search, best, remaining, SUSPECT_OF_FLOOR)
 
 
-def accused(search: Search, one: Fit, other: Fit) -> bool:
-    """Whether `one` is surely and materially better; what two signals tell by themselves is material."""
-    more = search.better(one, other)
-    sure = more.spread > SURE_GAIN or more.gain > LOUD_GAIN
-    return sure and (more.times_noise > LEAST_FIRST or _told_more(search, one, other))
+def _leaves_something(search: Search, best: Fit, remaining: Structure, times_floor: float) -> bool:
+    base = search.fits[()]
+    return (
+        has_residual_structure(remaining, best, base)
+        or unexplained_exceeds_explained(search, remaining, best, base)
+        or search.problem.exceeds_noise(best.residual.speeds, times_floor)
+    )
 
 
-def _told_more(search: Search, one: Fit, other: Fit) -> bool:
-    """Whether recorded signals say it without any model of the robot, in whose noise its size would drown."""
-    told = search.problem.evidence
-    return told(one.effects) - told(other.effects) > SURE_GAIN
+def select_model(search: Search, base: Fit) -> Fit:
+    """The baseline, the best single effect to be named, or the best pair of which each is needed.
+
+    None of them raises the error on runs left out.
+    """
+    unseen = UnseenRuns(search.problem)
+    singles = [one for one in search.ranked(1)[:MAX_PAIRS_COMPARED] if is_named(search, one, base)]
+    best = _best_on_unseen_runs(unseen, singles, base)
+    pairs = [one for one in search.ranked(2)[:MAX_PAIRS_COMPARED] if needs_both_effects(search, one)]
+    return _best_on_unseen_runs(unseen, pairs, best)
+
+
+def _best_on_unseen_runs(unseen: UnseenRuns, fits: list[Fit], other: Fit) -> Fit:
+    """The most likely of `fits` that does not raise the error of `other` on runs left out, or `other`.
+
+    Where it leaves more than noise, likelihoods mislead: there another one with a clearly smaller error on
+    runs left out is preferred.
+    """
+    good = (one for one in fits if unseen.benefit(one, other) > -NEGLIGIBLE)
+    first = next(good, None)
+    if first is None:
+        return other
+    if not unseen.problem.exceeds_noise(first.residual.speeds):
+        return first
+    rest = [first, *good]
+    largest = max(unseen.benefit(one, other) for one in rest)
+    return next(one for one in rest if unseen.benefit(one, other) >= largest - SIMILAR_BENEFIT)
+
+
+def is_named(search: Search, one: Fit, other: Fit) -> bool:
+    """Whether `one` is significantly better, and by a relevant size or with direct evidence."""
+    more = search.compare(one, other)
+    significant = more.robust_gain > SIGNIFICANT_GAIN or more.gain > LARGE_GAIN
+    return significant and (
+        more.times_noise > MIN_DIFFERENCE or _has_more_direct_evidence(search, one, other)
+    )
+
+
+def _has_more_direct_evidence(search: Search, one: Fit, other: Fit) -> bool:
+    """Whether the evidence that needs no robot model is significant, whatever the size in the speeds."""
+    evidence = search.problem.evidence
+    return evidence(one.effects) - evidence(other.effects) > SIGNIFICANT_GAIN
 
 
 def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
-    """Fits with as many effects that the recordings cannot tell from the best, best first.
+    """Fits with as many effects that these recordings cannot distinguish from the best, best first.
 
-    A rival would be accused if the best were not there: what hardly bends the signals explains nothing.
+    A rival must itself qualify to be named: an effect that hardly changes the signals explains nothing.
     """
     out = []
     base = search.fits[()]
     for other in search.ranked(len(best.effects)):
         if set(other.effects) == set(best.effects):
             continue
-        ahead = search.better(best, other)
-        alike = ahead.times_noise < RIVAL_TIMES and not _told_more(search, best, other)
-        close = ahead.spread < RIVAL_GAIN or alike
-        named = accused(search, other, base)
-        named = named and (len(other.effects) < 2 or needs_both(search, other))
-        if close and named and not _only_richer(search, best, other):
+        ahead = search.compare(best, other)
+        similar = ahead.times_noise < RIVAL_TIMES and not _has_more_direct_evidence(search, best, other)
+        close = ahead.robust_gain < RIVAL_GAIN or similar
+        named = is_named(search, other, base)
+        named = named and (len(other.effects) < 2 or needs_both_effects(search, other))
+        if close and named and not _only_extends(search, best, other):
             out.append(other)
-    if len(best.effects) > 1 and not surely_both(search, best):
-        out += [one for one in doubted_second(search, best) if all(one is not each for each in out)]
-    return _told(best, out)
+    if len(best.effects) > 1 and not both_significant(search, best):
+        out += [
+            one for one in second_effect_alternatives(search, best) if all(one is not each for each in out)
+        ]
+    return _limit_names(best, out)
 
 
-def _told(best: Fit, rivals: list[Fit]) -> tuple[Fit, ...]:
-    """The first rival, and of the others those that bring no more names than a doubt may have."""
+def _limit_names(best: Fit, rivals: list[Fit]) -> tuple[Fit, ...]:
+    """The first rival, and of the others those that keep the number of names within the limit."""
     names: set[str] = set(best.effects)
-    told: list[Fit] = []
+    kept: list[Fit] = []
     for rival in rivals:
-        if not told or len(names.union(rival.effects)) <= MOST_NAMED:
-            told.append(rival)
+        if not kept or len(names.union(rival.effects)) <= MAX_NAMED:
+            kept.append(rival)
             names.update(rival.effects)
-    return tuple(told)
+    return tuple(kept)
 
 
-def _only_richer(search: Search, best: Fit, other: Fit) -> bool:
-    """Whether the other says the same with more numbers that it does not need."""
+def _only_extends(search: Search, best: Fit, other: Fit) -> bool:
+    """Whether `other` only generalises the best fit's effect with parameters that are not significant."""
     new = [name for name in other.effects if name not in best.effects]
     old = [name for name in best.effects if name not in other.effects]
     if len(new) != 1 or len(old) != 1 or CATALOGUE[new[0]].extends != old[0]:
         return False
-    return search.better(best, other).gain > -SURE_GAIN
+    return search.compare(best, other).gain > -SIGNIFICANT_GAIN
 
 
-def beyond_resolution(problem: Problem, best: Fit, left: Structure) -> Structure:
-    """The structure, without that of a wheel whose whole residual is what rounding to counts makes.
+def above_quantisation(problem: Problem, best: Fit, remaining: Structure) -> Structure:
+    """The structure, without that of a wheel whose residual is quantisation alone.
 
-    Runs that repeat each other repeat their rounding too, so that it can be foretold; it says nothing.
+    Repeated runs repeat their quantisation errors, which makes these predictable.
     """
     residual = problem.data.speed_mps - best.residual.speeds
     weight = problem.counted
     rms = np.sqrt((weight * residual**2).sum(axis=0) / np.maximum(weight.sum(axis=0), 1.0))
-    seen = rms > ABOVE_ROUNDING * LEAST_COUNTS * problem.data.resolution_mps
-    return replace(left, share=np.where(seen, left.share, 0.0))
+    above = rms > OVER_QUANTISATION * MIN_NOISE_COUNTS * problem.data.resolution_mps
+    return replace(remaining, share=np.where(above, remaining.share, 0.0))
 
 
-def remains(left: Structure, best: Fit, base: Fit) -> bool:
-    """Whether structure is left that matters, beside the noise and beside what was explained."""
+def has_residual_structure(remaining: Structure, best: Fit, base: Fit) -> bool:
+    """Whether predictable structure is large relative to the noise and to what was explained."""
     after = (best.residual.wheels**2).mean(axis=0)
     explained = float(np.max((base.residual.wheels**2).mean(axis=0) - after))
-    finer = LEFT_SHARE**2 * max(len(best.effects), 1) * explained
-    matters = (left.times_noise > LEFT_TIMES) & (left.share * after > finer)
-    return bool(np.any(foretells(left) & matters))
+    finer = STRUCTURE_SHARE**2 * max(len(best.effects), 1) * explained
+    matters = (remaining.times_noise > STRUCTURE_TIMES_NOISE) & (remaining.share * after > finer)
+    return bool(np.any(has_structure(remaining) & matters))
 
 
-def foretells(found: Structure) -> BoolArray:
-    """Whether there is structure for sure, shape (2,)."""
-    return np.asarray((found.share > LEFT_ERRORS * found.error) | (found.helped >= LEFT_RUNS))
+def has_structure(found: Structure) -> BoolArray:
+    """Whether the predictable structure is significant, per wheel, shape (2,)."""
+    return np.asarray(
+        (found.share > STRUCTURE_ERRORS * found.error) | (found.predicted_runs >= STRUCTURE_RUNS)
+    )
 
 
-def outweighs(search: Search, left: Structure, best: Fit, base: Fit) -> bool:
-    """Whether what is left weighs much beside what was explained: then the name is not the right one."""
+def unexplained_exceeds_explained(search: Search, remaining: Structure, best: Fit, base: Fit) -> bool:
+    """Whether unexplained energy is large relative to what the effects explain."""
     problem = search.problem
-    white = np.clip(best.residual.wheels, -CLIP, CLIP)  # as what was explained is counted
+    white = np.clip(best.residual.wheels, -CLIP, CLIP)  # weighted as the explained energy is
     energy = (white**2).sum(axis=0)
-    sure = (left.share > LEFT_ERRORS * left.error) & (left.share > LEAST_FORETOLD)
-    known = np.where(problem.counted > LEAST_WEIGHT, white, 0.0)
-    bursts = find_bursts(problem.data, known)
-    foretold = float(np.where(sure, left.share, 0.0) @ energy)
+    significant = (remaining.share > STRUCTURE_ERRORS * remaining.error) & (
+        remaining.share > MIN_PREDICTED_SHARE
+    )
+    weighted = np.where(problem.counted > MIN_ROW_WEIGHT, white, 0.0)
+    bursts = find_bursts(problem.data, weighted)
+    predicted = float(np.where(significant, remaining.share, 0.0) @ energy)
     rows = bursts.rows.mean(axis=0)
-    above = bursts.share * (1.0 - rows) > ABOVE_REST**2 * rows * (1.0 - bursts.share)
-    few = (rows < MOST_BURST_ROWS) | above
-    sudden = float(np.where((bursts.share > LEAST_BURSTS) & few, bursts.share, 0.0) @ energy)
-    explained = 2.0 * search.better(best, base).gain if best.effects else 0.0
-    return max(foretold, sudden) > LEFT_OF_EXPLAINED * max(explained, 0.0)
+    above = bursts.share * (1.0 - rows) > BURST_OVER_REST**2 * rows * (1.0 - bursts.share)
+    few = (rows < MAX_BURST_ROWS) | above
+    in_bursts = float(np.where((bursts.share > MIN_BURST_SHARE) & few, bursts.share, 0.0) @ energy)
+    explained = 2.0 * search.compare(best, base).gain if best.effects else 0.0
+    return max(predicted, in_bursts) > UNEXPLAINED_OF_EXPLAINED * max(explained, 0.0)
+
+
+def share_explained(problem: Problem, best: Fit, base: Fit) -> float:
+    """Share of the refitted baseline's error energy above the noise that the effects take away, 0 to 1."""
+    rows = (problem.counted > 0.0).sum(axis=0)
+    noise = problem.floor.rms**2
+    before, after = (
+        float(rows @ np.maximum(problem.rms_by_wheel(one.residual.speeds) ** 2 - noise, 0.0))
+        for one in (base, best)
+    )
+    return 1.0 - after / before if before > 0.0 else 0.0
 
 
 def confidence(search: Search, best: Fit) -> float:
-    """Share of the likelihood, tempered: the models are no exact truths."""
+    """Share of the likelihood among models of the same size, tempered: the models are approximations."""
     if not best.effects:
         return 0.98
     worse = [
-        max(search.better(best, other).gain, 0.0)
+        max(search.compare(best, other).gain, 0.0)
         for other in search.ranked(len(best.effects))
         if set(other.effects) != set(best.effects)
     ]
     weights = np.exp(-0.5 * np.minimum(np.array([0.0, *worse]), 60.0))
     return float(min(0.99, weights[0] / weights.sum()))
-
-
-__all__ = ["Reasoning", "judge", "reason"]

@@ -12,7 +12,7 @@ import numpy as np
 
 from truing.errors import TruingError
 from truing.model.robot_model import RobotModel
-from truing.recording_writer import replace_file
+from truing.recording.writer import replace_file
 
 from .terms import DEFAULTS, ExportOptions, headline, left_out, wheels
 

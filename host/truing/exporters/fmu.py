@@ -20,7 +20,7 @@ from xml.etree import ElementTree as Xml
 
 from truing.errors import TruingError
 from truing.model.robot_model import RobotModel
-from truing.recording_writer import replace_file
+from truing.recording.writer import replace_file
 
 from .terms import DEFAULTS, EVERYTHING, ExportOptions, headline, left_out, wheels
 from .xml_file import child, number, write_xml

@@ -6,7 +6,7 @@ import io
 from pathlib import Path
 from typing import Any, cast
 
-from truing.recording_writer import replace_file
+from truing.recording.writer import replace_file
 
 
 def write_mat(path: Path, values: dict[str, Any]) -> None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from truing.model.robot_model import RobotModel
-from truing.recording_writer import replace_file
+from truing.recording.writer import replace_file
 
 from .terms import DEFAULTS, ExportOptions, headline, left_out, wheels
 

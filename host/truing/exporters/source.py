@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from truing.baseline import Baseline, RobotGeometry, read_baseline
 from truing.errors import BaselineError
 from truing.model.robot_model import RobotModel, read_robot_model
 from truing.model.wheel import WheelPhysics
+from truing.recording.baseline import Baseline, RobotGeometry, read_baseline
 
 
 def read_model(path: Path) -> tuple[RobotModel, tuple[str, ...]]:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from truing.model.robot_model import RobotModel
-from truing.recording_writer import replace_file
+from truing.recording.writer import replace_file
 
 from .mat_file import write_mat
 from .terms import DEFAULTS, ExportOptions, headline, left_out, wheels

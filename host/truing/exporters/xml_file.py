@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from xml.etree import ElementTree as Xml
 
-from truing.recording_writer import replace_file
+from truing.recording.writer import replace_file
 
 
 def number(value: float) -> str:

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from truing.baseline import Baseline
 from truing.errors import IdentifyError
 from truing.identify.even import EvenSignal, EvenStretch, even_signal
 from truing.identify.held_out import folds, rms_by_run, simplest_good
@@ -16,7 +15,8 @@ from truing.identify.model_error import FreeRunError, OneStepError, free_run_err
 from truing.identify.signals import WheelSignal, wheel_signal
 from truing.model.kernel import FloatArray
 from truing.model.linear import ArxModel
-from truing.recording import Run, Wheel
+from truing.recording.baseline import Baseline
+from truing.recording.run import Run, Wheel
 
 MAXIMUM_ALPHA = 4
 MAXIMUM_BETA = 8

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from truing.baseline import Baseline
 from truing.errors import IdentifyError
-from truing.recording import MOTION_PAIRS, WHEELS, FloatArray, RecordingSet, Run, Wheel
+from truing.recording.baseline import Baseline
+from truing.recording.run import MOTION_PAIRS, WHEELS, FloatArray, RecordingSet, Run, Wheel
 
 BoolArray = NDArray[np.bool_]
 

@@ -13,12 +13,11 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
-from truing.baseline import Baseline
 from truing.identify.quantity import Quantity
 from truing.identify.uncertainty import half_widths
-from truing.recording import FloatArray, Run, Wheel
+from truing.recording.baseline import Baseline
+from truing.recording.run import FloatArray, Run, Wheel
 
 # Starting time constants per decade; every local minimum of this scan is a start.
 SCAN_PER_DECADE = 8
@@ -225,6 +224,8 @@ def fit_first_order(
 
 def _search(data: WheelData) -> tuple[float, float] | None:
     """Gain and time constant of the lowest cost: a scan, then least squares from each local minimum."""
+    from scipy.optimize import least_squares
+
     judged = data.interval[data.weight > 0.0]
     shortest = 0.1 * float(np.median(judged))
     longest = 2.0 * float(np.bincount(data.run_of, data.interval).max())

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from truing.baseline import Baseline
 from truing.errors import IdentifyError
 from truing.identify.model_error import FreeRunError, free_run_error
 from truing.identify.output_error import PhysicsFit, fit_nested, fit_physics, measured_initial
@@ -20,7 +19,8 @@ from truing.identify.structures import structure as structure_named
 from truing.identify.uncertainty import half_widths
 from truing.model.kernel import FloatArray
 from truing.model.wheel import PHYSICS_FIELDS, WheelPhysics, simulate_physics
-from truing.recording import Run, Wheel
+from truing.recording.baseline import Baseline
+from truing.recording.run import Run, Wheel
 
 UNITS: dict[str, str] = {
     "gain_mps": "m/s",

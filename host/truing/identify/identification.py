@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from truing.baseline import Baseline
 from truing.identify.data_checks import Finding, check_set, refuse_absurd
 from truing.identify.first_order import FirstOrderFit, fit_first_order
 from truing.identify.step_metrics import StepMetrics, step_metrics
-from truing.recording import WHEELS, RecordingSet, Run, SpeedSource, Wheel
+from truing.recording.baseline import Baseline
+from truing.recording.run import WHEELS, RecordingSet, Run, SpeedSource, Wheel
 
 SCHEMA = 1
 # A wheel whose effort stays below this in a run is not driven there.

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from truing.recording import FloatArray, Run, Wheel
+from truing.recording.run import FloatArray, Run, Wheel
 
 InputKind: TypeAlias = Literal["effort", "velocity"]
 

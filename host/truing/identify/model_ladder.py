@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from truing.baseline import RobotGeometry
 from truing.errors import IdentifyError
 from truing.identify.arx import ArxFit, fit_arx_signal
 from truing.identify.grey_box import WheelFit, fit_wheel
@@ -18,7 +17,8 @@ from truing.identify.signals import wheel_signal
 from truing.identify.state_space import StateSpaceFit, fit_state_space_signal
 from truing.identify.structures import DELAY, STRUCTURES, Structure
 from truing.model.robot_model import RobotModel
-from truing.recording import WHEELS, RecordingSet, Wheel
+from truing.recording.baseline import RobotGeometry
+from truing.recording.run import WHEELS, RecordingSet, Wheel
 
 BASIC = ("linear", "friction", "delay")
 # A run whose error grows by this factor when it is left out holds something that no other run holds.

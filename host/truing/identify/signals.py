@@ -9,11 +9,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from truing.baseline import Baseline
 from truing.errors import IdentifyError
 from truing.model.excitation import Excitation, excitation
 from truing.model.kernel import FloatArray, IntArray
-from truing.recording import Run, SpeedSource, Wheel
+from truing.recording.baseline import Baseline
+from truing.recording.run import Run, SpeedSource, Wheel
 
 NOMINAL_SUPPLY_V = 12.0
 MINIMUM_SEGMENT_ROWS = 4
@@ -109,7 +109,7 @@ def wheel_signal(runs: Sequence[Run], wheel: Wheel, baseline: Baseline | None = 
     """Efforts and speeds of one wheel in all runs; gaps start a new segment.
 
     Rows that share a time stamp are one instant: the last of them stands. Speeds from counts or
-    positions are means over the interval; so is a reported speed, as the contract has it (whatever
+    positions are means over the interval; so is a reported speed, as docs/DATA_FORMAT.md has it (whatever
     filter sits on top of it is the fit's to find).
     """
     if not runs:

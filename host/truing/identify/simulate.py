@@ -8,7 +8,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from truing.baseline import Baseline
 from truing.errors import IdentifyError
 from truing.identify.even import even_signal
 from truing.identify.grey_box import simulate_signal
@@ -20,7 +19,8 @@ from truing.model.kernel import FloatArray
 from truing.model.linear import ArxModel, StateSpaceModel
 from truing.model.robot_model import RobotModel
 from truing.model.wheel import WheelPhysics
-from truing.recording import Run, Wheel
+from truing.recording.baseline import Baseline
+from truing.recording.run import Run, Wheel
 
 AnyModel: TypeAlias = WheelPhysics | RobotModel | ArxModel | StateSpaceModel
 

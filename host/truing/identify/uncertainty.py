@@ -16,9 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_banded
 
-from truing.recording import FloatArray
+from truing.recording.run import FloatArray
 
 # Longest memory that is looked for in the residuals, blocks.
 LONGEST_MEMORY = 6
@@ -199,6 +198,8 @@ def _unwhiten(model: FloatArray, values: FloatArray) -> FloatArray:
 
     (scipy.signal.lfilter does the same, at half a second of import time.)
     """
+    from scipy.linalg import solve_banded
+
     order = min(int(np.flatnonzero(model)[-1]), len(values) - 1)
     bands = np.repeat(model[: order + 1, None], len(values), axis=1)
     return np.asarray(solve_banded((order, 0), bands, values))

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Protocol, cast
 
 from truing.errors import RecordingError
-from truing.recording import MINIMUM_ROWS
+from truing.recording.run import MINIMUM_ROWS
 
 from .foreign import Finding, ForeignTest, Imported, ImportOptions, to_run
 from .recording_set import read_runs
@@ -37,7 +37,7 @@ def importers() -> tuple[Importer, ...]:
 
 
 def is_foreign(path: Path) -> bool:
-    """Whether a path is for an importer: neither a set of the contract's runs nor one of its CSV files."""
+    """Whether a path is for an importer: neither a recording set nor one of its CSV files."""
     if path.is_dir():
         return (path / "metadata.yaml").exists()
     if not path.is_file():
@@ -46,12 +46,12 @@ def is_foreign(path: Path) -> bool:
         return True
     header = _head(path).split(b"\n", 1)[0].decode("utf-8-sig", errors="replace")
     names = [name.strip() for name in header.split(",")]
-    # A contract file with one required column missing is reported as such, not as foreign.
+    # A run's file with one required column missing is reported as such, not as foreign.
     return "t_s" not in names or not any(name.startswith("effort_") for name in names)
 
 
 def import_file(path: Path, options: ImportOptions | None = None) -> Imported:
-    """Every test of a foreign file as a run of the contract, and what was suspicious about it.
+    """Every test of a foreign file as a run, and what was suspicious about it.
 
     Raises
     ------

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from truing.recording import FloatArray, Run, RunMetadata
+from truing.recording.run import FloatArray, Run, RunMetadata
 
 # The nominal supply that a fraction of effort is taken of where a file gives volts: WPILib's own reference.
 NOMINAL_VOLTAGE_V = 12.0
@@ -100,7 +100,7 @@ class ForeignTest:
 
 @dataclass(frozen=True, slots=True)
 class Imported:
-    """The runs of a foreign file, in the contract's form, and what was found on the way."""
+    """The runs of a foreign file, in truing's own form, and what was found on the way."""
 
     source: Path
     kind: str
@@ -111,7 +111,7 @@ class Imported:
 def to_run(
     test: ForeignTest, number: int, options: ImportOptions, source: Path, findings: Sequence[Finding]
 ) -> Run:
-    """A run of the contract; the name orders it in the set, the metadata says where it came from."""
+    """A run in truing's own form; the name orders it in the set, the metadata says where it came from."""
     effort = test.effort_or_volts(options)
     columns: dict[str, FloatArray] = {
         "t_s": test.time - test.time[0],

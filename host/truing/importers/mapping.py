@@ -1,4 +1,4 @@
-"""A small TOML file that says which column of a foreign table is which column of the contract.
+"""A small TOML file that says which column of a foreign table is which column of a run.
 
 Example::
 
@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from truing.errors import FileError, RecordingError
-from truing.recording import MOTION_PAIRS, NUMERIC_COLUMNS, REQUIRED_COLUMNS, FloatArray
+from truing.recording.run import MOTION_PAIRS, NUMERIC_COLUMNS, REQUIRED_COLUMNS, FloatArray
 
 from .foreign import ForeignTest
 
@@ -68,7 +68,7 @@ def read_mapping(path: Path) -> Mapping:
     columns = {}
     for name, value in raw.items():
         if name not in NUMERIC_COLUMNS:
-            raise FileError(path, f"[columns] {name}: the contract has no such column")
+            raise FileError(path, f"[columns] {name}: a run has no such column")
         columns[name] = _source(path, name, value)
     missing = [name for name in REQUIRED_COLUMNS if name not in columns]
     if not any(all(name in columns for name in pair) for pair in MOTION_PAIRS.values()):

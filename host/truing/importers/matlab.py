@@ -1,4 +1,4 @@
-"""MATLAB .mat files (up to version 7): vectors by the contract's names or through a mapping."""
+"""MATLAB .mat files (up to version 7): vectors by the names of a run's columns or through a mapping."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from truing.errors import RecordingError
-from truing.recording import NUMERIC_COLUMNS
+from truing.recording.run import NUMERIC_COLUMNS
 
 from .foreign import Finding, ForeignTest, ImportOptions
 from .mapped_csv import find_mapping

@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from truing.errors import RecordingError
-from truing.recording import FloatArray
+from truing.errors import CutOffError, RecordingError
+from truing.recording.run import FloatArray
 
 from .foreign import Finding, ForeignTest, ImportOptions
 from .mapped_csv import find_mapping
@@ -51,7 +51,7 @@ def matches(path: Path, head: bytes) -> bool:
         return False
     try:
         _, encoding, _, _ = next(_messages(path))
-    except (RecordingError, StopIteration, _CutOff):
+    except (RecordingError, StopIteration):
         return JSON.encode() in head
     return encoding == JSON
 
@@ -64,8 +64,9 @@ def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Fi
         for topic, encoding, (logged, published), data in _messages(path):
             if encoding == JSON:
                 _add(path, channels.setdefault(topic, Channel()), texts, topic, (logged, published), data)
-    except _CutOff as stop:
-        findings = [Finding("cut_off", f"the file ends early or is damaged ({stop}); read up to there")]
+    except CutOffError as stop:
+        told = f"the file ends early or is damaged ({stop.problem}); read up to there"
+        findings = [Finding("cut_off", told)]
     else:
         findings = []
     if not channels:
@@ -74,10 +75,6 @@ def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Fi
         channel.sort()
     mapping = read_mapping(find_mapping(path, options))
     return apply(mapping, _table(path, mapping, channels, texts), path), findings
-
-
-class _CutOff(Exception):  # noqa: N818 (internal: where reading stopped)
-    pass
 
 
 def _messages(path: Path) -> Iterator[tuple[str, str, tuple[float, float], bytes]]:
@@ -98,7 +95,7 @@ def _messages(path: Path) -> Iterator[tuple[str, str, tuple[float, float], bytes
         raise RecordingError(path, f"cannot be read: {error.strerror}") from None
     except Exception as error:
         # What a damaged file breaks in the reader has no common type.
-        raise _CutOff(str(error) or type(error).__name__) from None
+        raise CutOffError(path, str(error) or type(error).__name__) from None
 
 
 def _add(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from truing.baseline import read_baseline
-from truing.recording import RecordingSet
-from truing.recording_reader import read_recording_set
+from truing.recording.baseline import read_baseline
+from truing.recording.reader import read_recording_set
+from truing.recording.run import RecordingSet
 
 
 def read_runs(path: Path, model: Path | None = None) -> RecordingSet:

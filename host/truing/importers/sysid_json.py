@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from truing.errors import RecordingError
-from truing.recording import FloatArray
+from truing.recording.run import FloatArray
 
 from .foreign import Finding, ForeignTest, ImportOptions
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from truing.errors import RecordingError
-from truing.recording import FloatArray
+from truing.recording.run import FloatArray
 
 from .foreign import Finding, ForeignTest, ImportOptions
 

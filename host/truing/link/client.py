@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
@@ -71,8 +72,7 @@ class Client:
         self.stream = stream
         self.timing = timing or Timing()
         self.counts = LinkCounts()
-        # Asked between waits; a true answer ends whatever is under way with `Interrupted`.
-        self.interrupted: Callable[[], bool] = _never
+        self._interrupted: Callable[[], bool] = _never
         self.beside: Beside | None = None
         self._decoder = FrameDecoder()
         if first_sequence is None:
@@ -88,6 +88,27 @@ class Client:
     def bytes_in(self) -> int:
         """Bytes received so far, damaged ones included."""
         return self._decoder.counts.bytes
+
+    @property
+    def is_interrupted(self) -> bool:
+        """Whether whatever is under way shall end."""
+        return self._interrupted()
+
+    @contextmanager
+    def interrupted_by(self, asked: Callable[[], bool]) -> Iterator[None]:
+        """Within the block, end whatever is under way with `Interrupted` once `asked` is true.
+
+        It is asked between waits. What held before the block holds again after it.
+        """
+        outer, self._interrupted = self._interrupted, asked
+        try:
+            yield
+        finally:
+            self._interrupted = outer
+
+    def uninterrupted(self) -> AbstractContextManager[None]:
+        """Within the block, let nothing end what is under way."""
+        return self.interrupted_by(_never)
 
     def close(self) -> None:
         """Release the line."""
@@ -156,10 +177,10 @@ class Client:
 
         Raises
         ------
-        Interrupted : `interrupted` said so.
+        Interrupted : see `interrupted_by`.
         LinkClosed : the line is gone.
         """
-        if self.interrupted():
+        if self.is_interrupted:
             raise Interrupted("interrupted")
         if self.beside is not None:
             timeout_s = min(timeout_s, self.beside.ask())

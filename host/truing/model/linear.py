@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import lfilter, lfiltic
 
 from truing.model.compiled import compiled
 from truing.model.kernel import FloatArray
@@ -70,6 +69,8 @@ class ArxModel:
         effort : shape (n,), all rows of the segment.
         head : shape (history,), measured speeds of the first rows: where the simulation starts.
         """
+        from scipy.signal import lfilter, lfiltic
+
         first = self.history
         denominator = np.concatenate(([1.0], -self.m))
         speeds, efforts = head[::-1][: len(self.m)], effort[:first][::-1][: len(self.n) - 1]

@@ -1,8 +1,8 @@
 """A fitted robot as a file: both wheels, the geometry, the sampling.
 
 The file is TOML. `[model.left]` and `[model.right]` hold the wheels' physics; `[robot]`, `[wheel.*]`,
-`[log]` and `[effect.*]` say the same in the words of a baseline (contract, section 3), as far as those
-words reach, so that a fitted model is a baseline for the next diagnosis as it stands.
+`[log]` and `[effect.*]` say the same as a baseline (docs/DATA_FORMAT.md, section 3), as far as a baseline
+can hold it, so that a fitted model is a baseline for the next diagnosis as it stands.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from truing.baseline import RobotGeometry
 from truing.errors import BaselineError, OutputError, TruingError
 from truing.model.wheel import WheelPhysics
-from truing.recording import Wheel
+from truing.recording.baseline import RobotGeometry
+from truing.recording.run import Wheel
 
 SCHEMA = 1
 
@@ -67,7 +67,7 @@ class RobotModel:
         return "\n".join(_table(name, table) for name, table in tables)
 
     def effects(self) -> dict[str, dict[str, float]]:
-        """What the wheels contain beyond gain and time constant, as the contract's catalogue names it."""
+        """What the wheels contain beyond gain and time constant, by the catalogue's names."""
         left, right = self.left, self.right
         both = (left, right)
         found: dict[str, dict[str, float]] = {}

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from truing.errors import TruingError
-from truing.recording_writer import replace_file
+from truing.recording.writer import replace_file
 from truing.trial.concealed import Asked, TrialResult, run_concealed
 from truing.trial.order import Block, Task, tasks
 from truing.trial.results import to_json, to_markdown
@@ -125,8 +125,8 @@ def score(asked: Asked, result: TrialResult, place: Path) -> Score:
     measured, methods = {}, {}
     if asked.judged is not None and any(asked.judged.glob("runs/*.csv")):
         # Loaded here, so that a trial without judging runs does without.
-        from truing.trial.bench import Bench
         from truing.trial.measure import measure
+        from truing.trial.true_model import Bench
 
         figures = measure(Bench(place / "set", asked.judged, len(first.runs), answer), first)
         measured = asdict(figures)

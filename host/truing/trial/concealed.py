@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from truing.errors import TruingError
+from truing.errors import TrialMakerError
 from truing.plan import Plan
 from truing.trial.seal import open_seal
 
@@ -21,12 +21,6 @@ if TYPE_CHECKING:
 Tell = Callable[[str], None]
 Progress = Callable[[float], None]
 Diagnose = Callable[[Path, Path], "Diagnosis"]
-
-
-class TrialMakerError(TruingError):
-    """The process that makes trials could not make this one."""
-
-    exit_code = 1
 
 
 @dataclass(frozen=True)
@@ -53,7 +47,8 @@ class Asked:
 
     def command(self, folder: Path) -> list[str]:
         """What starts the process that makes it."""
-        command = [sys.executable, "-m", "truing.trial.maker", self.effect, str(self.seed), str(folder)]
+        module = "truing.trial.sealed_process"
+        command = [sys.executable, "-m", module, self.effect, str(self.seed), str(folder)]
         command += ["--core"] if self.core else []
         if self.weak is not None:
             command += ["--strength", "weak" if self.weak else "full"]
@@ -194,6 +189,7 @@ def _timed(diagnose: Diagnose, folder: Path) -> Verdict:
 
 
 def _diagnose(folder: Path, baseline: Path) -> Diagnosis:
-    from truing.diagnose.session import Options, diagnose_recordings, read_for_diagnosis
+    from truing.diagnose.diagnosis_input import Options, read_input
+    from truing.diagnose.engine import diagnose
 
-    return diagnose_recordings(read_for_diagnosis(folder, baseline), Options(jobs=1))
+    return diagnose(read_input(folder, baseline), Options(jobs=1))

@@ -9,22 +9,22 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from hil_sim.core import HOLDING_NM, CoreRobot, Placing
+from hil_sim.host_robot import HOLDING_NM, HostRobot, Placing
 from hil_sim.recorded import Samples
-from truing.device import Device, UploadedSequence
-from truing.drive import board_fault
+from truing.board.device import Device, UploadedSequence
+from truing.board.drive import board_fault
+from truing.board.run_saver import fetch_log
 from truing.errors import Refused
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
-from truing.log_columns import run_from_records
+from truing.log.columns import run_from_records
 from truing.plan import Kind, Plan
-from truing.recording import Run
-from truing.run_saver import fetch_log
+from truing.recording.run import Run
 from truing.trial.robot import Robot
 
 FloatArray = npt.NDArray[np.float64]
 
-# Device time 0 is this long after the plant's creation, see hil_sim/core; the virtual board boots alike.
+# Device time 0 is this long after the plant's creation (hil_sim/host_robot); the virtual board boots alike.
 _DEVICE_ZERO_S = 0.0146 + 38.6e-6 - 0.001
 _LONGEST_PAUSE_S = 4.0
 _HELD_US = 400_000
@@ -35,7 +35,7 @@ _SETTLING_US = 50_000
 
 
 class SimulatedRobot(Protocol):
-    """What `CoreRobot` and `VirtualRobot` have in common."""
+    """What `HostRobot` and `VirtualRobot` have in common."""
 
     @property
     def time_s(self) -> float: ...
@@ -205,10 +205,10 @@ def _settings(spec: Robot, *, velocity: bool) -> dict[str, float]:
     return values
 
 
-def core_robot(spec: Robot, seed: int) -> CoreRobot:
+def host_robot(spec: Robot, seed: int) -> HostRobot:
     """A robot whose controller runs as this machine's code."""
     parameters, hidden = spec.build()
-    return CoreRobot(parameters, seed, hidden)
+    return HostRobot(parameters, seed, hidden)
 
 
 def board_robot(spec: Robot, seed: int) -> Any:
@@ -218,5 +218,5 @@ def board_robot(spec: Robot, seed: int) -> Any:
 
     parameters, hidden = spec.build()
     robot = VirtualRobot(image_path(), robot=parameters, seed=seed)
-    robot.hide(hidden)
+    robot.set_unmodelled_effects(hidden)
     return robot

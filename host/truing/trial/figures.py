@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 
 from truing.trial.score import HARM, Score
 
@@ -19,6 +18,8 @@ FULL = 1.0
 
 def bounds(hits: int, trials: int) -> tuple[float, float]:
     """95 % bounds of a share (Clopper & Pearson 1934)."""
+    from scipy import stats
+
     if trials == 0:
         return 0.0, 1.0
     low = float(stats.beta.ppf(0.025, hits, trials - hits + 1)) if hits > 0 else 0.0
@@ -28,6 +29,8 @@ def bounds(hits: int, trials: int) -> tuple[float, float]:
 
 def median_bounds(values: Sequence[float]) -> tuple[float, float]:
     """95 % bounds of a median, from the order of the values."""
+    from scipy import stats
+
     ordered = np.sort(np.asarray(values))
     n = len(ordered)
     if n < 6:

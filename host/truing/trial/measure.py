@@ -13,12 +13,12 @@ from truing.diagnose.fit import Fit
 from truing.diagnose.problem import Problem
 from truing.diagnose.result import Diagnosis, MismatchSpan
 from truing.diagnose.search import Search
-from truing.trial.bench import Bench
 from truing.trial.comparators.opinion import Opinion
 from truing.trial.comparators.picker import picker
 from truing.trial.comparators.sparse import sparse
 from truing.trial.comparators.sysid import sysid
 from truing.trial.effects import ALL
+from truing.trial.true_model import Bench
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -158,7 +158,7 @@ def _nearest_rival(bench: Bench, ideal: Fit, diagnosis: Diagnosis) -> tuple[str,
     if not rivals:
         return "", None
     base = bench.base(problem)
-    found = Search.around(problem, base, rivals, 1).beside(base, _RIVALS) or [base]
+    found = Search.from_baseline(problem, base, rivals, 1).extend(base, _RIVALS) or [base]
     nearest = min(found, key=lambda one: one.cost)
     name = nearest.effects[0] if nearest.effects else "baseline"
     true = bench.fitted(problem, bench.names, [ideal])

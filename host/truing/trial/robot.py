@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from hil_sim.hidden import HiddenEffects
 from hil_sim.plant import (
     BatteryParameters,
     BridgeParameters,
@@ -20,6 +19,7 @@ from hil_sim.plant import (
     RobotParameters,
     WheelParameters,
 )
+from hil_sim.unmodelled_effects import UnmodelledEffects
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -120,7 +120,7 @@ class Robot:
             encoder=EncoderParameters(float(self.counts_per_rev), 0.0),
         )
 
-    def build(self) -> tuple[RobotParameters, HiddenEffects]:
+    def build(self) -> tuple[RobotParameters, UnmodelledEffects]:
         """Return the plant's parameters and its hidden effects."""
         inertia = 0.25 * self.body_kg * self.wheelbase_m**2 * (1.0 + self.coupling_change)
         parameters = RobotParameters(
@@ -130,7 +130,7 @@ class Robot:
             battery=BatteryParameters(self.supply_v, self.supply_v, 100.0, 1.0, 0.0, 0.0, 0.01),
             bridge=BridgeParameters(0.7),
         ).changed(**self.changes)
-        return parameters, HiddenEffects().changed(**self.hidden)
+        return parameters, UnmodelledEffects().changed(**self.hidden)
 
     def add_hidden(self, **values: Any) -> None:
         """Set hidden effects."""

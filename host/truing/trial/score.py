@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-NAMED = ("missing_physics", "ambiguous")
+NAMED = ("missing_physics", "partly_explained", "ambiguous")
 NOT_ACCUSED = ("consistent", "parameters_only")
 MOST_AMBIGUOUS = 3
 IN_CATALOGUE = ("one", "two")
@@ -99,10 +99,10 @@ def judge(kind: str, said: tuple[str, ...], family: str, hidden: tuple[str, ...]
     if family == "null":
         right = kind in NOT_ACCUSED
     elif family == "outside":
-        right = kind == "unexplained"
+        right = kind in ("unexplained", "partly_explained")
     else:
         right = named
-    accused = kind == "missing_physics"
+    accused = kind in ("missing_physics", "partly_explained")
     return Judgement(
         named=named,
         named_alone=accused and bool(there) and set(said) == there,

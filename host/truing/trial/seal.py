@@ -7,13 +7,7 @@ import json
 import secrets
 from typing import Any
 
-from truing.errors import TruingError
-
-
-class BrokenSealError(TruingError):
-    """An opened answer does not have the hash that was shown before."""
-
-    exit_code = 1
+from truing.errors import BrokenSealError
 
 
 def seal(answer: dict[str, Any]) -> tuple[str, str]:

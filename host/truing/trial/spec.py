@@ -16,7 +16,25 @@ from truing.trial.robot import Robot, draw_robot
 Family: TypeAlias = Literal["one", "two", "null", "outside"]
 Driving: TypeAlias = Literal["whole", "partial", "ordinary"]
 
-PLAN_NAMES = tuple(f"diagnosis/{number:02d}" for number in range(1, 14))
+# In the order in which they are driven: charge, heat and wheel angles run on from one to the next.
+PLAN_NAMES = tuple(
+    f"diagnosis/{name}"
+    for name in (
+        "steps_from_rest",
+        "reversals",
+        "slow_ramps",
+        "coast_downs",
+        "staircase",
+        "turns_on_the_spot",
+        "one_wheel_at_a_time",
+        "chirp",
+        "creeping",
+        "independent_steps",
+        "heavy_load",
+        "rest_and_repeat",
+        "four_headings",
+    )
+)
 BASELINE_OFF = 0.08
 FULL_STRENGTH = (1.0, 8.0)
 WEAK_STRENGTH = (0.3, 1.0)

@@ -11,10 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.optimize import minimize_scalar
-from scipy.signal import lfilter
 
-from hil_sim.core import replay
+from hil_sim.host_robot import replay
 from hil_sim.recorded import Samples
 from truing.trial.drives import DrivenSet
 from truing.trial.robot import Robot
@@ -74,6 +72,8 @@ def mean_speed(at_s: FloatArray, travel_m: FloatArray) -> FloatArray:
 
 def filtered_travel(travel_m: FloatArray, constant_s: float) -> FloatArray:
     """Sum of the speed behind a filter of first order, shape (ms, 2)."""
+    from scipy.signal import lfilter
+
     kept = np.exp(-1e-3 / constant_s)
     out: FloatArray = lfilter([1.0 - kept], [1.0, -kept], travel_m - travel_m[:1], axis=0) + travel_m[:1]
     return out
@@ -114,6 +114,8 @@ class FirstOrder:
 
     def speed(self, wheel: int, constant_s: float) -> FloatArray:
         """Mean speed per row of a wheel of gain 1, shape (N,)."""
+        from scipy.signal import lfilter
+
         kept = np.exp(-1e-3 / constant_s)
         out = []
         for (begin, end), at in zip(self._spans, self._rows, strict=True):
@@ -126,6 +128,8 @@ class FirstOrder:
 
     def refit(self, speed_mps: FloatArray, *, tied: bool = False) -> Refit:
         """Fit gain and time constant to speeds of shape (N, 2); `tied`: both sides alike."""
+        from scipy.optimize import minimize_scalar
+
         groups = [(0, 1)] if tied else [(0,), (1,)]
         gain, constant = [0.0, 0.0], [0.0, 0.0]
         residual = np.zeros_like(speed_mps)

@@ -1,1 +1,1 @@
-"""The Simulator View: a page in the browser to see the robot, drive it, and lay simulation beside reality."""
+"""The Simulator View: browser pages that show the robot, drive it and compare it with its simulation."""

@@ -29,10 +29,10 @@ class Pose:
         return Pose(-c * self.x_m - s * self.y_m, s * self.x_m - c * self.y_m, -self.theta_rad)
 
     def advanced(self, v_mps: float, omega_radps: float, seconds: float) -> Pose:
-        """Where a constant twist leads: exactly along its arc."""
+        """The pose after a constant twist, integrated exactly along its arc."""
         turn = omega_radps * seconds
         ahead = v_mps * seconds
-        # sin(x)/x and (1 - cos x)/x; their series below, where the quotients lose digits.
+        # sin(x)/x and (1 - cos x)/x; series expansions for small x, where the quotients lose digits.
         if abs(turn) < 1e-4:
             along, aside = 1.0 - turn * turn / 6.0, turn / 2.0
         else:
@@ -44,7 +44,7 @@ class Pose:
         return math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
 
     def as_list(self) -> list[float]:
-        """x, y, theta, rounded to what a picture shows."""
+        """x, y, theta, rounded for display."""
         return [round(self.x_m, 4), round(self.y_m, 4), round(self.theta_rad, 5)]
 
 

@@ -1,4 +1,4 @@
-"""Serves the view: pages, pictures and the live link, to whom it may concern and nobody else."""
+"""The HTTP server of the view: pages, map images, live web socket, access control."""
 
 from __future__ import annotations
 
@@ -13,11 +13,12 @@ from dataclasses import dataclass
 from nicegui import app, core, ui
 
 from truing.errors import PortError
-from truing.web.dropped_files import add_dropping, add_reports
-from truing.web.layout import STATIC, frame
-from truing.web.live_link import add_live_link
+from truing.web.access.security import Access, AccessMiddleware, access_for
+from truing.web.live.page_socket import add_page_socket
 from truing.web.pages import analysis, compare, live, models, scene, trajectory, world
-from truing.web.security import Access, Gate, access_for
+from truing.web.pages.components import STATIC
+from truing.web.pages.layout import frame
+from truing.web.runs.dropped_files import add_reports, add_upload
 from truing.web.session import ViewSession
 
 DEFAULT_PORT = 7780
@@ -33,23 +34,23 @@ class ServerOptions:
 
 
 def serve(session: ViewSession, options: ServerOptions, announce: Callable[[str, Access], None]) -> None:
-    """Serve until Ctrl-C; the wheels are stopped before anything else goes.
+    """Serve until Ctrl-C; the wheels are stopped before anything else is shut down.
 
     Parameters
     ----------
-    announce : told the address to open, token included, and who may come.
+    announce : called with the address to open (token included) and the access rules.
     """
     port = _free_port(options)
     access = access_for(options.host, port)
-    # NiceGUI's socket takes every origin; engineio's own rule for None is the request's own host.
+    # NiceGUI's socket accepts every origin; with None, engineio accepts the request's own host only.
     core.sio.eio.cors_allowed_origins = None
     app.add_static_files("/view-static", STATIC, max_cache_age=0)
-    add_live_link(app, session)
-    add_dropping(app, session.dropped_folder, session.diagnosis_folder)
+    add_page_socket(app, session)
+    add_upload(app, session.dropped_folder, session.diagnosis_folder)
     add_reports(app, session.diagnosis_folder)
     app.on_startup(session.start)
     app.on_shutdown(session.close)
-    app.add_middleware(Gate, access=access)
+    app.add_middleware(AccessMiddleware, access=access)
     shown = "127.0.0.1" if options.host in ("0.0.0.0", "::") else options.host
     query = f"?token={access.token}" if access.token else ""
     address = f"http://{shown}:{port}/{query}"
@@ -65,7 +66,7 @@ def serve(session: ViewSession, options: ServerOptions, announce: Callable[[str,
         show=f"/{query}" if options.browser else False,
         tailwind=False,
         show_welcome_message=False,
-        # Long, so that a busy machine reloads no page; the wheels hang on the live link, which is quick.
+        # Long, so that a busy machine does not reload pages; the robot depends on the live web socket.
         reconnect_timeout=30.0,
         message_history_length=200,
         uvicorn_logging_level="error",
@@ -86,9 +87,9 @@ def _routes(session: ViewSession) -> dict[str, Callable[[], None]]:
 
 
 def _when_listening(host: str, port: int, then: Callable[[], None]) -> None:
-    """Call `then`, from a thread of its own, once somebody answers there."""
+    """Call `then`, from a thread of its own, once the server accepts connections."""
 
-    def knock() -> None:
+    def probe() -> None:
         for _ in range(200):
             try:
                 socket.create_connection((host, port), timeout=1.0).close()
@@ -98,20 +99,20 @@ def _when_listening(host: str, port: int, then: Callable[[], None]) -> None:
                 then()
                 return
 
-    threading.Thread(target=knock, name="announce", daemon=True).start()
+    threading.Thread(target=probe, name="announce", daemon=True).start()
 
 
 def _free_port(options: ServerOptions) -> int:
-    """The port to serve at, seen to be free before anything starts."""
+    """The port to serve at, checked to be free before anything starts."""
     family = socket.AF_INET6 if ":" in options.host else socket.AF_INET
-    with closing(socket.socket(family, socket.SOCK_STREAM)) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    with closing(socket.socket(family, socket.SOCK_STREAM)) as candidate:
+        candidate.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            probe.bind((options.host, options.port))
+            candidate.bind((options.host, options.port))
         except (OSError, UnicodeError, OverflowError) as error:
             raise PortError(
                 f"{options.host}:{options.port}: cannot serve there ({error})",
                 "another `truing view` may be running; choose another with --port N (0: any free one)",
             ) from error
-        port: int = probe.getsockname()[1]
+        port: int = candidate.getsockname()[1]
         return port

@@ -1,35 +1,41 @@
-"""The view's state: one board, one world, one driver; all pages look at the same."""
+"""The view's shared state: one board, one world, one driver, common to all pages."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal, TypeAlias
 
-from truing.device import Device
+from truing.board.connect import open_stream
+from truing.board.device import Device
 from truing.errors import TruingError
 from truing.link.client import Client, Timing
-from truing.link.connect import VirtualOptions, open_stream
-from truing.web.board_worker import BoardWorker, RunOrder
-from truing.web.diagnosis_job import DiagnosisJob
-from truing.web.driver_lock import DriverLock
-from truing.web.error_model import Kind, ModelChoice, load_model
-from truing.web.live_source import POLL_HZ, open_source
+from truing.virtual.options import VirtualOptions
+from truing.web.access.driver_lock import DriverLock
+from truing.web.models.error_model import Kind, ModelChoice, load_model
 from truing.web.pose import Pose
-from truing.web.sensing import Sensing
-from truing.web.side_process import SideProcess
-from truing.web.virtual_process import VirtualProcess
-from truing.web.world_map import WorldMap
+from truing.web.process.diagnosis_job import DiagnosisJob
+from truing.web.process.helper import HelperProcess
+from truing.web.process.virtual_board import VirtualBoardProcess
+from truing.web.worker.board_worker import BoardWorker
+from truing.web.worker.source import POLL_HZ, open_source
+from truing.web.worker.state import RunRequest
+from truing.web.world.sensing import Sensing
+from truing.web.world.world_map import WorldMap
 from truing.workspace import out_folder, recording_folder
 
-# A page shows a dead link after this long; requests are repeated several times within it.
+# A page reports a lost link after this time; requests are repeated several times within it.
 _PATIENCE_S = 1.5
 # The paper's experiment starts at (0.5, 0.5, 45 degrees); the view's own at the origin, heading along x.
 _START = Pose()
 
 
+StopState: TypeAlias = Literal["none", "pending", "stopped"]
+
+
 @dataclass(frozen=True, slots=True)
 class ViewOptions:
-    """What the user chose on the command line."""
+    """Options from the command line."""
 
     port: str = "sim"
     virtual: VirtualOptions = field(default_factory=VirtualOptions)
@@ -38,33 +44,34 @@ class ViewOptions:
 
 
 class ViewSession:
-    """Everything behind the pages, and nothing of them."""
+    """Everything that the pages share; knows nothing of the pages themselves."""
 
     def __init__(self, options: ViewOptions) -> None:
         self.options = options
-        self.virtual = VirtualProcess(options.virtual) if options.port == "sim" else None
+        self.virtual = VirtualBoardProcess(options.virtual) if options.port == "sim" else None
         self.port = options.port if self.virtual is None else self.virtual.port
-        self.lock = DriverLock(self._left_the_wheel)
+        self.lock = DriverLock(self._driver_released)
         self.worker = BoardWorker(
             self._connect,
             _START,
             source=lambda device: open_source(device, options.rate_hz),
-            each_step=self.lock.drop_silent,
+            each_step=self.lock.expire,
         )
-        self.world = _first_world()
+        self.world = _default_world()
         self.sensing = Sensing(self.world, self.poses)
         self.sensing.warm_up()
-        self.share = 0.4
-        self._stopped = False
+        self.speed_fraction = 0.4
+        self._keys_blocked = False
+        self._latched_stop = 0
         self.start_pose = _START
         self.truth_base: Pose | None = None
         self.model = load_model(self.model_file) or ModelChoice()
         self.comparison_start = _START
-        self.simulation = SideProcess("truing.web.simulate_process")
+        self.simulation = HelperProcess("truing.web.process.simulation_main")
         self.diagnosis = DiagnosisJob(self.diagnosis_folder)
 
     def start(self) -> None:
-        """Begin to connect and to scan."""
+        """Start to connect and to scan."""
         self.worker.start()
         self.sensing.start()
 
@@ -77,15 +84,15 @@ class ViewSession:
         if self.virtual is not None:
             self.virtual.close()
 
-    # ---- where the robot is
+    # ---- pose
 
     def odometry_pose(self) -> Pose | None:
-        """Where its own counting says it is, in the world."""
+        """The odometry pose in the world."""
         latest = self.worker.history.latest()
         return None if latest is None else latest.pose
 
     def corrected_pose(self) -> Pose | None:
-        """Where it truly is: the virtual robot's truth; on a real one, its odometry is all there is."""
+        """The true pose of a virtual robot; for a real one, the odometry pose."""
         truth = None if self.virtual is None else self.virtual.truth
         if truth is None:
             return self.odometry_pose()
@@ -99,71 +106,90 @@ class ViewSession:
         return None if odometry is None or corrected is None else (odometry, corrected)
 
     def place(self, pose: Pose) -> None:
-        """Put the robot at a pose: both kinds of pose start from there."""
+        """Set the robot's pose: odometry and true pose both continue from there."""
         self.start_pose, self.truth_base = pose, None
         self.worker.place(pose)
 
     # ---- driving
 
     def drive_keys(self, session: str, keys: tuple[str, ...]) -> bool:
-        """Drive as the held keys say; False when another session has the wheel."""
+        """Drive by the held keys; False when this session is not in control."""
         if not self.lock.holds(session):
             return False
-        self.lock.heard(session)
+        self.lock.refresh(session)
         if not keys:
-            self._stopped = False
-        elif self._stopped:
+            self._keys_blocked = False
+        elif self._keys_blocked:
             keys = ()
+        else:
+            self._latched_stop = 0
         limits = self.worker.limits
-        ahead = ("forward" in keys) - ("back" in keys)
-        aside = ("left" in keys) - ("right" in keys)
-        v, omega = ahead * self.share * limits.speed_mps, aside * self.share * limits.turn_radps
-        fastest = abs(v) + 0.5 * limits.wheelbase_m * abs(omega)
-        shrink = min(1.0, limits.wheel_mps / fastest) if fastest else 1.0
-        self.worker.drive(v * shrink, omega * shrink)
+        forward = ("forward" in keys) - ("back" in keys)
+        left = ("left" in keys) - ("right" in keys)
+        v, omega = (
+            forward * self.speed_fraction * limits.speed_mps,
+            left * self.speed_fraction * limits.yaw_rate_radps,
+        )
+        wheel_speed = abs(v) + 0.5 * limits.wheelbase_m * abs(omega)
+        scale = min(1.0, limits.wheel_mps / wheel_speed) if wheel_speed else 1.0
+        self.worker.drive(v * scale, omega * scale)
         return True
 
     def claim(self, session: str) -> bool:
-        """Take the wheel when it is free."""
+        """Take control if it is free."""
         if self.lock.session is None:
-            self._stopped = False
+            self._keys_blocked = False
         return self.lock.claim(session)
 
-    def stop(self) -> None:
-        """Brake now, whoever asks; a key that is still held moves nothing until it has been let go."""
-        self._stopped = True
-        self.worker.stop()
+    def stop(self) -> int:
+        """Brake now, for any page; a key still held has no effect until it is released.
+
+        Returns the number of the stop: it is delivered when `worker.stop_acknowledged` has reached it.
+        """
+        self._keys_blocked = True
+        self._latched_stop = self.worker.stop()
+        return self._latched_stop
+
+    @property
+    def stop_state(self) -> StopState:
+        """The last stop by a user; it stays `stopped` until someone drives again."""
+        if not self._latched_stop:
+            return "none"
+        return "stopped" if self.worker.stop_acknowledged >= self._latched_stop else "pending"
 
     def change_speed(self, session: str, faster: bool) -> None:
-        """One step faster or slower."""
+        """Change the speed by one step."""
         if self.lock.holds(session):
-            self.share = min(1.0, max(0.1, round(self.share + (0.1 if faster else -0.1), 1)))
+            self.speed_fraction = min(
+                1.0, max(0.1, round(self.speed_fraction + (0.1 if faster else -0.1), 1))
+            )
 
-    def run(self, session: str, order: RunOrder) -> None:
+    def run(self, session: str, request: RunRequest) -> None:
         """Drive a plan.
 
         Raises
         ------
-        TruingError : somebody else drives, or the board is busy or not there.
+        TruingError : another page drives, or the board is busy or not connected.
         """
         if not self.claim(session):
-            raise TruingError("somebody else drives this robot", "wait until they leave the wheel")
-        self.worker.run_plan(order)
+            raise TruingError("another page drives this robot", "wait until it releases control")
+        self.worker.run_plan(request)
+        self._latched_stop = 0
 
-    def _left_the_wheel(self, _session: str) -> None:
-        self.worker.stop("stopped: the page that drove has left the wheel, is gone, or is silent")
+    def _driver_released(self, _session: str) -> None:
+        self.worker.stop("stopped: the driving page released control, was closed, or timed out")
 
     # ---- models
 
     def set_model(self, *, kind: Kind) -> None:
-        """Which error model is in force; its numbers stay."""
+        """Select the active error model; its parameters are kept."""
         self.model = replace(self.model, kind=kind)
 
     # ---- files
 
     @property
     def run_folder(self) -> Path:
-        """Where runs go."""
+        """Folder for recorded runs."""
         if self.options.folder is not None:
             return self.options.folder
         info = self.worker.snapshot.info
@@ -172,32 +198,32 @@ class ViewSession:
 
     @property
     def sequence_folder(self) -> Path:
-        """Where sequences go."""
+        """Folder for sequences."""
         return out_folder() / "sequences"
 
     @property
     def map_folder(self) -> Path:
-        """Where maps go."""
+        """Folder for maps."""
         return out_folder() / "maps"
 
     @property
     def model_folder(self) -> Path:
-        """Where models go."""
+        """Folder for models."""
         return out_folder() / "models"
 
     @property
     def model_file(self) -> Path:
-        """The robot's own model."""
+        """File of the robot's model."""
         return self.model_folder / "robot.toml"
 
     @property
     def diagnosis_folder(self) -> Path:
-        """Where diagnoses go."""
+        """Folder for diagnoses."""
         return out_folder() / "diagnoses"
 
     @property
     def dropped_folder(self) -> Path:
-        """Where files that were dropped onto a page go."""
+        """Folder for files dropped onto a page."""
         return out_folder() / "dropped"
 
     def _connect(self) -> Device:
@@ -210,8 +236,8 @@ class ViewSession:
             raise
 
 
-def _first_world() -> WorldMap:
-    """A room with a few things in it, so that the sensors see something at once."""
+def _default_world() -> WorldMap:
+    """A room with a few obstacles, so that the sensors have something to detect."""
     world = WorldMap.empty(8.0, 8.0)
     world.paint_room((-3.5, -3.0), (3.5, 3.0), 0.05)
     world.paint_stroke([(1.5, -3.0), (1.5, -1.2)], 0.05, True)

@@ -55,7 +55,7 @@ class LogEnd(IntEnum):
 
 
 class LogTriggerKind(IntEnum):
-    """What makes a log worth keeping."""
+    """The trigger of an armed log."""
 
     SEQUENCE = 0  # the start of a sequence or of a live drive, whose log begins and ends with it
     THRESHOLD = 1  # a signal crosses a level
@@ -91,7 +91,7 @@ class ResetCause(IntEnum):
 
 
 class ClockSource(IntEnum):
-    """What the core runs from; anything but the crystal is reported as a fault that does not stop."""
+    """Clock source of the CPU; anything but the crystal is reported as a fault that does not stop."""
 
     CRYSTAL_PLL = 0
     INTERNAL_PLL = 1
@@ -146,7 +146,7 @@ class SlotState(IntEnum):
 
 
 class RefusalReason(IntEnum):
-    """Why a request was refused; the wheels do what they did before."""
+    """Why a request was refused; the wheels continue as before."""
 
     UNKNOWN_REQUEST = 1  # no request has this id; `detail` is the id
     BAD_LENGTH = 2  # the payload is shorter or longer than this request's; `detail` is its length

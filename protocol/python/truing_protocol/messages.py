@@ -119,7 +119,7 @@ _CAN_ANNOUNCE = struct.Struct("<II")
 
 @dataclass(frozen=True, slots=True)
 class CanAnnounce:
-    """A board says that it is there, when asked."""
+    """Identification of a board, in reply to a hello to all boards."""
 
     SIZE: ClassVar[int] = 8
     BASE: ClassVar[int] = 0x680  # the CAN id is this plus the node
@@ -144,7 +144,7 @@ _CAN_STATUS = struct.Struct("<IBBH")
 
 @dataclass(frozen=True, slots=True)
 class CanStatus:
-    """How a board is, can_status_hz times a second."""
+    """State of a board, can_status_hz times a second."""
 
     SIZE: ClassVar[int] = 8
     BASE: ClassVar[int] = 0x6c0  # the CAN id is this plus the node
@@ -171,7 +171,7 @@ _CAN_MOTION = struct.Struct("<hhhh")
 
 @dataclass(frozen=True, slots=True)
 class CanMotion:
-    """What a board's wheels do, can_status_hz times a second."""
+    """Motion of a board's wheels, can_status_hz times a second."""
 
     SIZE: ClassVar[int] = 8
     BASE: ClassVar[int] = 0x700  # the CAN id is this plus the node
@@ -218,7 +218,7 @@ _HELLO_REPLY = struct.Struct("<HI12BI16s16sHHHHHHBB")
 
 @dataclass(frozen=True, slots=True)
 class HelloReply:
-    """Reply: who is there; answered whatever the versions. The frame format, this id, and the first 6 bytes each way never change."""
+    """Reply: identification; answered whatever the versions. The frame format, this id, and the first 6 bytes each way never change."""
 
     SIZE: ClassVar[int] = 68
 
@@ -233,7 +233,7 @@ class HelloReply:
     max_segments: int
     parameter_count: int
     log_cell_size: int  # bytes
-    log_cell_count: int  # cells in the log's ring: what memory was found good at the start
+    log_cell_count: int  # cells in the log's ring: memory that passed the test at the start
     reset_cause: int  # reset_cause
     clock_source: int  # clock_source
 
@@ -269,7 +269,7 @@ _HELLO_REQUEST = struct.Struct("<HI")
 
 @dataclass(frozen=True, slots=True)
 class HelloRequest:
-    """Who is there; answered whatever the versions. The frame format, this id, and the first 6 bytes each way never change."""
+    """Identification; answered whatever the versions. The frame format, this id, and the first 6 bytes each way never change."""
 
     SIZE: ClassVar[int] = 6
     ID: ClassVar[int] = 0x01
@@ -733,13 +733,13 @@ _PARAM_SAVE_REPLY = struct.Struct("<IBH")
 
 @dataclass(frozen=True, slots=True)
 class ParamSaveReply:
-    """Reply: store the values in force; the wheels brake and the board is deaf for up to a second; not while it moves or writes a log."""
+    """Reply: store the values in force; the wheels brake and the board does not receive for up to a second; not while it moves or writes a log."""
 
     SIZE: ClassVar[int] = 7
 
     sequence: int  # number of the set that is now the newest
     written: int  # 0: the store held these very values
-    stall_ms: int  # how long the control loop stood still
+    stall_ms: int  # how long the control loop was stalled
 
     def pack(self) -> bytes:
         """The payload's bytes; struct.error when a value does not fit its field."""
@@ -758,7 +758,7 @@ _PARAM_SAVE_REQUEST = struct.Struct("<")
 
 @dataclass(frozen=True, slots=True)
 class ParamSaveRequest:
-    """Store the values in force; the wheels brake and the board is deaf for up to a second; not while it moves or writes a log."""
+    """Store the values in force; the wheels brake and the board does not receive for up to a second; not while it moves or writes a log."""
 
     SIZE: ClassVar[int] = 0
     ID: ClassVar[int] = 0x13
@@ -928,7 +928,7 @@ _SEQ_BEGIN_REQUEST = struct.Struct("<HH")
 
 @dataclass(frozen=True, slots=True)
 class SeqBeginRequest:
-    """Start an upload; the sequence held before is forgotten."""
+    """Start an upload; the sequence held before is discarded."""
 
     SIZE: ClassVar[int] = 4
     ID: ClassVar[int] = 0x20
@@ -1103,7 +1103,7 @@ _SEQ_ABORT_REQUEST = struct.Struct("<")
 
 @dataclass(frozen=True, slots=True)
 class SeqAbortRequest:
-    """Brake both wheels and end the sequence; also forgets an upload in progress."""
+    """Brake both wheels and end the sequence; also discards an upload in progress."""
 
     SIZE: ClassVar[int] = 0
     ID: ClassVar[int] = 0x24
@@ -1460,7 +1460,7 @@ _LOG_TRIGGER_REPLY = struct.Struct("<BBBBiIIHIIiI")
 
 @dataclass(frozen=True, slots=True)
 class LogTriggerReply:
-    """Reply: what is armed and what has come of it; all zero when idle."""
+    """Reply: what is armed, and the outcome; all zero when idle."""
 
     SIZE: ClassVar[int] = 34
 
@@ -1507,7 +1507,7 @@ _LOG_TRIGGER_REQUEST = struct.Struct("<")
 
 @dataclass(frozen=True, slots=True)
 class LogTriggerRequest:
-    """What is armed and what has come of it; all zero when idle."""
+    """What is armed, and the outcome; all zero when idle."""
 
     SIZE: ClassVar[int] = 0
     ID: ClassVar[int] = 0x35
@@ -1535,7 +1535,7 @@ _SET_EFFORT_REQUEST = struct.Struct("<ff")
 
 @dataclass(frozen=True, slots=True)
 class SetEffortRequest:
-    """Drive the wheels with a share of the supply, until the host falls silent; a log opens with the first such command, and odometry goes to zero."""
+    """Drive the wheels with a share of the supply, until the host-silence time-out; a log opens with the first such command, and odometry goes to zero."""
 
     SIZE: ClassVar[int] = 8
     ID: ClassVar[int] = 0x40
@@ -1567,7 +1567,7 @@ _SET_VELOCITY_REQUEST = struct.Struct("<ff")
 
 @dataclass(frozen=True, slots=True)
 class SetVelocityRequest:
-    """Hold wheel speeds, until the host falls silent; log and odometry as with set_effort."""
+    """Hold wheel speeds, until the host-silence time-out; log and odometry as with set_effort."""
 
     SIZE: ClassVar[int] = 8
     ID: ClassVar[int] = 0x41
@@ -1641,10 +1641,10 @@ class CanStateReply:
     frames_sent: int
     frames_received: int  # that passed the filters
     overruns: int  # received frames lost for want of room
-    discarded: int  # frames thrown away unsent, when the bus took none for 200 ms or the controller left it
-    messages_dropped: int  # ISO-TP messages that came in whole with a bad length or CRC
-    sequence_errors: int  # ISO-TP messages given up because a frame of theirs was lost
-    timeouts: int  # ISO-TP messages given up because the peer fell silent
+    discarded: int  # frames discarded unsent, when the bus took none for 200 ms or the controller left it
+    messages_dropped: int  # complete ISO-TP messages with a bad length or CRC
+    sequence_errors: int  # ISO-TP messages aborted because a frame was lost
+    timeouts: int  # ISO-TP messages aborted because the peer stopped
 
     def pack(self) -> bytes:
         """The payload's bytes; struct.error when a value does not fit its field."""
@@ -1796,7 +1796,7 @@ class StreamReadRequest:
     CHANGES: ClassVar[bool] = False
 
     first: int  # number of the sample wanted
-    most: int  # samples wanted at most: a short reply gets through a bad line
+    most: int  # largest number of samples: a short reply is more likely to pass a bad line
 
     def pack(self) -> bytes:
         """The payload's bytes; struct.error when a value does not fit its field."""
@@ -1845,7 +1845,7 @@ _LOG_HEADER = struct.Struct("<IHHHBBIIIIffHI")
 
 @dataclass(frozen=True, slots=True)
 class LogHeader:
-    """Opens every block of the log, and says all that its records need to be decoded."""
+    """Opens every block of the log, and holds all that is needed to decode its records."""
 
     SIZE: ClassVar[int] = 42
 

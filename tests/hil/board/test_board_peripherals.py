@@ -35,7 +35,7 @@ def running(board):
 def test_a_clean_image_leaves_no_warning(running):
     running.run_us(100_000)
     assert running.warnings() == []
-    assert running.stats().core_hz == 168_000_000
+    assert running.stats().cpu_hz == 168_000_000
 
 
 @pytest.mark.parametrize("compare", [0, 1, 2100, 4200, 8399, 8400, 9000])
@@ -146,7 +146,7 @@ def test_the_adc_reads_the_battery_through_the_divider(running, volts):
 
 def test_a_conversion_takes_its_sampling_time_and_twelve_cycles(running):
     running.run_us(3000)
-    wanted = (56 + 12) * 8  # ADC clock 21 MHz, core 168 MHz
+    wanted = (56 + 12) * 8  # ADC clock 21 MHz, CPU 168 MHz
     assert wanted <= running.words("get")[6] <= wanted + 60
 
 
@@ -257,7 +257,7 @@ def test_a_dead_crystal_never_gets_ready(board):
     b = board("clock_loss", crystal=False)
     b.run_us(100_000)
     assert b.word("hse_started") == 0
-    assert b.stats().core_hz == 16_000_000
+    assert b.stats().cpu_hz == 16_000_000
     assert b.word("count") > 0
 
 
@@ -267,13 +267,13 @@ def test_a_crystal_that_stops_is_caught_by_the_clock_security_or_stops_the_core(
     b.run_us(10)
     b.put("security", int(security))
     b.run_us(20_000)
-    assert b.stats().core_hz == 8_000_000
+    assert b.stats().cpu_hz == 8_000_000
     b.set_crystal_alive(False)
     before = b.word("count")
     b.run_us(10_000)
     if security:
         assert b.word("nmis") == 1
-        assert b.stats().core_hz == 16_000_000
+        assert b.stats().cpu_hz == 16_000_000
         assert b.word("count") > before + 100
     else:
         assert b.word("count") == before

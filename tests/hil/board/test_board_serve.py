@@ -6,7 +6,6 @@ import contextlib
 import os
 import signal
 import socket
-import subprocess
 import sys
 import threading
 import time
@@ -16,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from hil_sim.serve import ServeOptions, Server
+from support.processes import child
 
 
 @contextlib.contextmanager
@@ -122,10 +122,10 @@ print("stopped at", robot.time_us)
 def test_ctrl_c_ends_it_without_a_traceback(echo):
     path = Path(echo.image.path)
     command = [sys.executable, "-c", PROGRAM, str(path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with child(command) as process:
         assert process.stdout is not None
         assert process.stdout.readline().startswith("listening at tcp:127.0.0.1:")
         process.send_signal(signal.SIGINT)
         out, errors = process.communicate(timeout=10)
-        assert (process.returncode, errors) == (0, "")
-        assert "stopped at" in out
+    assert (process.returncode, errors) == (0, "")
+    assert "stopped at" in out

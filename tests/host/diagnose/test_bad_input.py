@@ -1,4 +1,4 @@
-"""Poor recordings, diagnosed: a clear refusal, or a verdict that says what it cannot tell."""
+"""Poor recordings, diagnosed: a clear error, or a verdict with its limitations."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_constant_efforts_at_a_steady_speed_are_refused(tmp_path: Path) -> None:
     assert "constant efforts" in refusal(write_set(tmp_path / "set", change=steady))
 
 
-def test_one_run_only_gets_a_verdict_that_says_what_one_run_cannot_tell(tmp_path: Path) -> None:
+def test_one_run_only_gets_a_verdict_with_the_limitations_of_one_run(tmp_path: Path) -> None:
     tree = judged(write_set(tmp_path / "set", count=1))
     assert tree["verdict"] in ("consistent", "parameters_only")
     assert "one run only" in said(tree)
@@ -89,7 +89,7 @@ def test_a_wheel_that_never_moves_is_left_out_and_the_other_is_judged(tmp_path: 
     assert {"turning_scrub", "inertia_coupling", "side_asymmetry"} <= set(tree["not_exercised"])
 
 
-def test_a_baseline_without_geometry_judges_speeds_and_says_what_it_cannot(tmp_path: Path) -> None:
+def test_a_baseline_without_geometry_diagnoses_speeds_and_lists_what_it_cannot(tmp_path: Path) -> None:
     def in_metres(name: str, c: Columns) -> None:
         for wheel in ("left", "right"):
             c[f"pos_{wheel}_m"] = c.pop(f"ticks_{wheel}") * (2.0 * np.pi * 0.0635 / 2400.0)
@@ -115,7 +115,7 @@ def test_a_simulator_that_drives_as_the_robot_did_is_consistent(tmp_path: Path) 
     assert tree["verdict"] == "consistent"
     assert tree["effects"] == []
     assert tree["fit"]["baseline_rmse"] == pytest.approx(0.0, abs=1e-12)
-    assert "stand-in" in said(tree)
+    assert "your simulator is reproduced to" in said(tree)
 
 
 def test_a_simulator_whose_robot_is_too_fast_has_wrong_numbers(tmp_path: Path) -> None:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from support.recorded_sets import Columns, baseline, columns, recordings, with_speeds
-from truing.diagnose.checks import DataChecks, check_data
-from truing.diagnose.data import set_data
+from truing.diagnose.data.checks import DataChecks, check_data
+from truing.diagnose.data.set_data import set_data
 from truing.errors import TruingError
-from truing.recording import RecordingSet, Run
+from truing.recording.run import RecordingSet, Run
 
 
 def topics(checks: DataChecks) -> set[str]:
@@ -33,7 +33,7 @@ def test_clean_runs_are_all_usable_and_only_the_missing_pose_is_mentioned() -> N
     checks = check_data(recordings())
     assert checks.wheels == ("left", "right")
     assert checks.geometry
-    assert all(mask.all() for mask in checks.usable)
+    assert all(mask.all() for mask in checks.valid)
     assert topics(checks) == {"no_pose"}
 
 
@@ -86,7 +86,7 @@ def test_a_dead_encoder_leaves_the_other_wheel_to_be_judged() -> None:
 
     checks = check_data(recordings(change=change))
     assert checks.wheels == ("left",)
-    assert not any(mask[:, 1].any() for mask in checks.usable)
+    assert not any(mask[:, 1].any() for mask in checks.valid)
     assert "the right wheel never moves, though driven with up to 60 % effort" in one(checks, "dead")
 
 
@@ -116,7 +116,7 @@ def test_constant_efforts_at_a_steady_speed_are_refused() -> None:
 def test_a_constant_effort_from_standstill_is_a_step_and_is_judged() -> None:
     values = columns(1, [(0.4, 0.4)] * 4)
     checks = check_data(RecordingSet("plain", (Run("01_step", values),), baseline()))
-    assert all(mask.all() for mask in checks.usable)
+    assert all(mask.all() for mask in checks.valid)
 
 
 def test_a_counter_reset_is_left_out_row_by_row() -> None:
@@ -125,7 +125,7 @@ def test_a_counter_reset_is_left_out_row_by_row() -> None:
             values["ticks_left"][60:] -= 1e6
 
     checks = check_data(recordings(change=change))
-    mask = checks.usable[1]
+    mask = checks.valid[1]
     assert not mask[60, 0]
     assert mask[:, 0].sum() == len(mask) - 1
     assert mask[:, 1].all()
@@ -139,10 +139,10 @@ def test_a_counter_that_wraps_is_recognised() -> None:
     assert "wraps at 65536" in one(check_data(recordings(change=change)), "jump")
 
 
-def test_one_run_alone_is_judged_with_a_doubt() -> None:
+def test_one_run_alone_is_diagnosed_with_a_warning() -> None:
     checks = check_data(recordings(1))
     assert checks.checks[0].topic == "few_runs"
-    assert checks.checks[0].severity == "doubt"
+    assert checks.checks[0].severity == "warning"
     assert "at least four runs" in checks.checks[0].next_step
 
 
@@ -151,7 +151,7 @@ def test_a_baseline_without_geometry_blocks_what_needs_a_pose() -> None:
     checks = check_data(set_)
     assert not checks.geometry
     assert {"wheelbase_error", "wheel_radius_error", "wheel_slip", "heading_drift"} <= set(checks.blocked)
-    assert "only the wheels' speeds are judged" in one(checks, "geometry")
+    assert "only the wheels' speeds are diagnosed" in one(checks, "geometry")
 
 
 def test_counts_without_geometry_ask_for_it() -> None:
@@ -192,14 +192,14 @@ def test_a_log_slower_than_the_wheels_blocks_fast_effects() -> None:
     assert "12 Hz or more" in next(c.next_step for c in checks.checks if c.topic == "slow_log")
 
 
-def test_an_encoder_that_half_counts_is_a_doubt_about_that_wheel() -> None:
+def test_an_encoder_that_half_counts_is_a_warning_about_that_wheel() -> None:
     def change(name: str, values: Columns) -> None:
         values["effort_right"] = values["effort_left"].copy()
         values["ticks_right"] = np.floor(0.55 * values["ticks_left"])
 
     checks = check_data(recordings(change=change))
     check = next(check for check in checks.checks if check.topic == "sides")
-    assert (check.wheel, check.severity) == ("right", "doubt")
+    assert (check.wheel, check.severity) == ("right", "warning")
 
 
 def test_a_run_that_begins_against_its_effort_starts_with_the_motion_it_inherits() -> None:
@@ -212,7 +212,7 @@ def test_a_run_that_begins_against_its_effort_starts_with_the_motion_it_inherits
     data = set_data(recordings(change=inherit))
     assert data.initial_mps[:, 0].tolist() == [0.0, -0.35, 0.0, 0.0]
     assert data.initial_mps[:, 1].tolist() == [0.0] * 4
-    left = data.usable[data.rows_of(1), 0]
+    left = data.valid[data.rows_of(1), 0]
     assert not left[:3].any()
     assert left[3:].all()
-    assert data.usable[:, 1].all()
+    assert data.valid[:, 1].all()

@@ -13,15 +13,16 @@ from click.testing import CliRunner, Result
 from support import diagnoses
 from support.cli import truing
 from support.recorded_sets import BASELINE_TOML, Columns, recordings, write_csv, write_set
-from truing.baseline import read_baseline
+from truing.board.parameter_file import read_parameter_file
 from truing.cli.app import App
 from truing.cli.diagnose import command
 from truing.diagnose import engine
-from truing.diagnose.session import stand_in_for, without_pose
+from truing.diagnose.diagnosis_input import without_pose
+from truing.diagnose.simulator_baseline import equivalent_baseline
 from truing.errors import TruingError
 from truing.exporters.source import read_model
-from truing.parameter_file import read_parameter_file
 from truing.plan import load_plan
+from truing.recording.baseline import read_baseline
 
 
 @pytest.fixture
@@ -29,7 +30,7 @@ def verdict(monkeypatch: pytest.MonkeyPatch):
     """Puts a made-up diagnosis in place of the engine's, whose own tests stand elsewhere."""
 
     def put(diagnosis) -> None:
-        monkeypatch.setattr(engine, "diagnose_set", lambda recordings, **options: diagnosis)
+        monkeypatch.setattr(engine, "analyse", lambda *arguments, **options: diagnosis)
 
     return put
 
@@ -106,11 +107,9 @@ def test_every_exporter_takes_the_corrected_model(tmp_path: Path, verdict) -> No
 
 @pytest.mark.parametrize("spec", ["toml", "toml:", "parquet:x"])
 def test_a_wrong_export_is_refused_before_any_work(tmp_path: Path, monkeypatch, spec: str) -> None:
-    monkeypatch.setattr(engine, "diagnose_set", lambda *a, **k: pytest.fail("the work was begun"))
+    monkeypatch.setattr(engine, "analyse", lambda *a, **k: pytest.fail("the work was begun"))
     result = run(write_set(tmp_path / "set"), "--export", spec)
     assert isinstance(result.exception, TruingError)
-
-
 
 
 def _missing_column(folder: Path) -> None:
@@ -222,14 +221,11 @@ def test_another_simulators_own_error_is_the_error_as_given(tmp_path: Path, verd
     assert fit["baseline_rmse"] == pytest.approx(0.1, rel=1e-3)
 
 
-def test_the_stand_in_contains_what_the_other_simulator_contains(verdict) -> None:
-    verdict(diagnoses.missing_physics())
-    from truing.diagnose.session import Options
-
-    baseline, said = stand_in_for(recordings(4), Options(), lambda share: None)
+def test_the_equivalent_baseline_contains_the_effects_of_the_other_simulator() -> None:
+    baseline, checks = equivalent_baseline(recordings(1).baseline, diagnoses.missing_physics())
     assert baseline.left.gain_mps == pytest.approx(1.52)
     assert baseline.effects == {"coulomb_friction": {"left": 0.051, "right": 0.047}}
-    assert "contains coulomb_friction" in said[0].text
+    assert "contains coulomb_friction" in checks[0].text
 
 
 def test_wheels_only_hides_the_outside_pose() -> None:

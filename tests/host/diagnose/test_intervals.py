@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from support.simulated_runs import RICH, levels, noisy_robot
-from truing.diagnose.data import SetData
-from truing.diagnose.engine import first_look, noise_under
+from truing.diagnose.data.set_data import SetData
+from truing.diagnose.engine import initial_fit, noise_from_fit
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.intervals import covariance, effect_parameters
 from truing.diagnose.problem import Problem
@@ -16,7 +16,7 @@ from truing.diagnose.simulation.simulator import SetSimulator
 
 NOISE_MPS = 0.004
 EIGHT_RUNS = tuple(0.05 * k + (1.0 - 0.1 * k) * run for k in range(4) for run in RICH)
-# A long rest in the middle: nothing tells when in it a load was put down.
+# A long rest in the middle: the time in it at which a load was put down is not identifiable.
 RESTING = (*EIGHT_RUNS[:4], levels((0.0, 0.0), seconds=8.0), *EIGHT_RUNS[4:])
 
 
@@ -26,12 +26,12 @@ def robot(efforts: tuple[np.ndarray, ...], effect: str, numbers: dict[str, float
 
 def fitted(data: SetData, effect: str, near: dict[str, float]) -> tuple[Problem, Fit]:
     """The effect, fitted from near the truth, under the noise that it leaves."""
-    stage = first_look(data, SetSimulator(data))
+    stage = initial_fit(data, SetSimulator(data))
     start = stage.base.theta.copy()
     for name, value in near.items():
         start[stage.problem.simulator.layout.index(f"{effect}.{name}")] = value
     first = fit(stage.problem, (effect,), start)
-    problem = stage.problem.with_noise(noise_under(stage.problem, first))
+    problem = stage.problem.with_noise(noise_from_fit(stage.problem, first))
     return problem, fit(problem, (effect,), first.theta)
 
 
@@ -53,7 +53,7 @@ def test_intervals_of_a_true_equation_hold_its_numbers() -> None:
         inside += [holds(found[wheel], value) for wheel, value in true.items()]
         widths.append(found["left"].ci95[1] - found["left"].ci95[0])
     assert np.mean(inside) >= 0.9
-    assert np.median(widths) < 0.01, "an interval that holds everything says nothing"
+    assert np.median(widths) < 0.01, "an interval that holds everything is not informative"
 
 
 def test_a_moment_that_lies_in_a_rest_may_be_anywhere_in_it() -> None:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from support.recorded_sets import COUNTS, RADIUS_M, WHEELBASE_M, Columns, recordings
-from truing.diagnose.data import set_data
+from truing.diagnose.data.set_data import set_data
 from truing.diagnose.next_experiment import propose
-from truing.diagnose.profiles import PROFILES, Limits, Robot, candidates
+from truing.diagnose.profiles import PROFILES, Limits, Robot, candidate_plans
 from truing.diagnose.result import Explanation, SignalNoise
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.floor import MotionModel, estimate_floor
@@ -42,7 +42,7 @@ def simulator() -> SetSimulator:
 @pytest.mark.parametrize("robot", [ROBOT, Robot(18.0, 0.35, 0.6), Robot(0.5, 1.5, 0.2)])
 @pytest.mark.parametrize("floor_m", [1.0, 4.0, 20.0])
 def test_every_drive_of_the_library_stays_within_its_limits(robot: Robot, floor_m: float) -> None:
-    plans = [plan for _, plan in candidates(robot, Limits(effort=0.8, floor_m=floor_m), 20.0)]
+    plans = [plan for _, plan in candidate_plans(robot, Limits(effort=0.8, floor_m=floor_m), 20.0)]
     assert plans, "there is always something to propose"
     model = MotionModel(robot.gain_mps, robot.gain_mps, robot.time_constant_s, robot.wheelbase_m)
     for plan in plans:
@@ -52,12 +52,12 @@ def test_every_drive_of_the_library_stays_within_its_limits(robot: Robot, floor_
 
 
 def test_a_usual_robot_has_every_profile_to_choose_from() -> None:
-    names = {profile.name for profile, _ in candidates(ROBOT, Limits(floor_m=4.0), 20.0)}
+    names = {profile.name for profile, _ in candidate_plans(ROBOT, Limits(floor_m=4.0), 20.0)}
     assert names == {profile.name for profile in PROFILES}
 
 
 @pytest.mark.slow
-def test_friction_and_dead_band_are_told_apart_far_above_the_noise(simulator: SetSimulator) -> None:
+def test_friction_and_dead_band_are_distinguished_far_above_the_noise(simulator: SetSimulator) -> None:
     found = propose(
         (
             explanation(simulator, coulomb_friction__left=0.05, coulomb_friction__right=0.05),
@@ -72,7 +72,7 @@ def test_friction_and_dead_band_are_told_apart_far_above_the_noise(simulator: Se
     assert "dry friction" in found.why
 
 
-def test_delay_and_lag_are_told_apart_by_quick_reversals(simulator: SetSimulator) -> None:
+def test_delay_and_lag_are_distinguished_by_quick_reversals(simulator: SetSimulator) -> None:
     found = propose(
         (
             explanation(simulator, input_delay__delay=0.06),
@@ -104,7 +104,7 @@ def with_a_truth(_: str, values: Columns) -> None:
         values[f"truth_{axis}_m"] = np.cumsum(steps * way(values["truth_theta_rad"]))
 
 
-def test_what_only_the_pose_shows_is_told_apart_by_it_and_the_rest_left_to_a_ruler(
+def test_the_pose_distinguishes_what_it_can_and_the_rest_needs_a_direct_measurement(
     simulator: SetSimulator,
 ) -> None:
     found = propose(
@@ -118,8 +118,8 @@ def test_what_only_the_pose_shows_is_told_apart_by_it_and_the_rest_left_to_a_rul
     )
     assert found is not None
     assert found.expected_difference_over_noise > 2.0, "a drift bends, equal radii only stretch"
-    assert "no drive tells" in found.why
-    assert "ruler" in found.why
+    assert "no drive distinguishes" in found.why
+    assert "direct measurement" in found.why
 
 
 def test_one_explanation_needs_no_run(simulator: SetSimulator) -> None:

@@ -1,9 +1,9 @@
-"""The noise is read from what a model leaves over: its size, and no more memory than a wheel has."""
+"""The noise model: estimated from residuals, its correlation time bounded by the wheel's."""
 
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy
 
 from truing.diagnose.noise import Noise, estimate_noise, lag_index, lags_for, whiten
 
@@ -11,16 +11,17 @@ ROWS, INTERVAL_S = 6000, 0.05
 STARTS = np.array([0, ROWS])
 COUNTED = np.ones((ROWS, 2))
 FLOOR = np.full(2, 1e-5)
+NO_CEILING = np.full(2, np.inf)
 
 
 def remembered(memory: float, seed: int = 3) -> np.ndarray:
     """Noise of RMS 1 cm/s on both wheels that keeps `memory` of itself from row to row."""
     white = np.random.default_rng(seed).normal(size=(ROWS, 2)) * 0.01 * np.sqrt(1.0 - memory**2)
-    return np.asarray(lfilter([1.0], [1.0, -memory], white, axis=0))
+    return np.asarray(scipy.signal.lfilter([1.0], [1.0, -memory], white, axis=0))
 
 
 def estimated(residual: np.ndarray, fade_s: float) -> Noise:
-    return estimate_noise(residual, COUNTED, STARTS, INTERVAL_S, np.full(2, fade_s), FLOOR)
+    return estimate_noise(residual, COUNTED, STARTS, INTERVAL_S, np.full(2, fade_s), FLOOR, NO_CEILING)
 
 
 def whitened(noise: Noise, residual: np.ndarray) -> np.ndarray:
@@ -49,21 +50,39 @@ def test_a_slow_error_of_the_model_keeps_its_weight_beside_the_noise() -> None:
 
 def test_noise_never_falls_below_what_the_sensor_resolves() -> None:
     noise = estimate_noise(
-        np.zeros((ROWS, 2)), COUNTED, STARTS, INTERVAL_S, np.full(2, 0.6), np.array([0.004, 0.002])
+        np.zeros((ROWS, 2)),
+        COUNTED,
+        STARTS,
+        INTERVAL_S,
+        np.full(2, 0.6),
+        np.array([0.004, 0.002]),
+        NO_CEILING,
     )
     np.testing.assert_allclose(noise.rms, [0.004, 0.002])
     assert np.all(noise.sigma > 0.0)
 
 
-def test_rows_that_are_not_counted_say_nothing() -> None:
+def test_rows_that_are_not_counted_have_no_influence() -> None:
     residual, counted = remembered(0.3), COUNTED.copy()
     residual[1000:2000] += 5.0
     counted[1000:2000] = 0.0
-    noise = estimate_noise(residual, counted, STARTS, INTERVAL_S, np.full(2, 20.0), FLOOR)
+    noise = estimate_noise(residual, counted, STARTS, INTERVAL_S, np.full(2, 20.0), FLOOR, NO_CEILING)
     np.testing.assert_allclose(noise.rms, 0.01, rtol=0.08)
 
 
-def test_fast_recordings_look_as_far_back_as_slow_ones() -> None:
+def test_error_beyond_the_ceiling_of_noise_keeps_its_weight_and_counts_its_independent_rows() -> None:
+    slow = 0.1 * np.sin(2.0 * np.pi * np.arange(ROWS) / 400.0)[:, None] * np.ones((1, 2))
+    residual = 0.05 * remembered(0.3) + slow
+    free = estimated(residual, 1e6)
+    ceiling = np.full(2, 0.001)
+    bounded = estimate_noise(residual, COUNTED, STARTS, INTERVAL_S, np.full(2, 1e6), FLOOR, ceiling)
+    assert np.abs(free.lags).max() > 0.3
+    assert np.abs(bounded.lags).max() < 0.01
+    np.testing.assert_allclose(bounded.rms, ceiling)
+    assert np.all(bounded.sigma > 3.0 * 0.0707)  # 0.1 / sqrt(2), rows of one sample
+
+
+def test_the_longest_lag_is_the_same_time_at_every_log_rate() -> None:
     for interval_s in (0.05, 0.02, 0.005):
         lags = lags_for(interval_s)
         assert len(lags) <= 8

@@ -1,13 +1,15 @@
-"""A second effect is named for sure only where it is more than a mend of the first one's equation."""
+"""A second effect is named only where it does more than compensate the first one's model error."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from support.simulated_runs import RICH, noisy_robot
 from truing.diagnose.engine import investigate
-from truing.diagnose.pairs import stronger_part, surely_both
+from truing.diagnose.pairs import both_significant, stronger_part
 from truing.diagnose.verdict import Reasoning
 
 pytestmark = pytest.mark.slow
@@ -21,14 +23,19 @@ def reasoned(second: dict[str, dict[str, float]]) -> Reasoning:
     return investigate(noisy_robot(SIX_RUNS, FIRST | second, NOISE_MPS, 3), lambda _: None, 1)
 
 
-def test_two_strong_effects_are_both_missing() -> None:
-    found = reasoned({"direction_asymmetry": {"left": 0.9, "right": 0.92}})
+@pytest.fixture(scope="module")
+def two_strong() -> Reasoning:
+    return reasoned({"direction_asymmetry": {"left": 0.9, "right": 0.92}})
+
+
+def test_two_strong_effects_are_both_missing(two_strong: Reasoning) -> None:
+    found = two_strong
     assert found.verdict == "missing_physics"
     assert set(found.best.effects) == {"quadratic_drag", "direction_asymmetry"}
-    assert surely_both(found.search, found.best)
+    assert both_significant(found.search, found.best)
 
 
-def test_a_second_effect_below_the_noise_is_told_as_a_doubt() -> None:
+def test_a_second_effect_below_the_noise_makes_the_verdict_ambiguous() -> None:
     found = reasoned({"direction_asymmetry": {"left": 0.985, "right": 0.985}})
     assert found.verdict == "ambiguous"
     assert set(found.best.effects) == {"quadratic_drag", "direction_asymmetry"}
@@ -36,10 +43,9 @@ def test_a_second_effect_below_the_noise_is_told_as_a_doubt() -> None:
     assert found.confidence <= 0.5
 
 
-def test_what_helps_some_runs_at_the_cost_of_others_is_no_second_effect() -> None:
-    found = reasoned({"direction_asymmetry": {"left": 0.9, "right": 0.92}})
-    search, pair = found.search, found.best
+def test_what_helps_some_runs_at_the_cost_of_others_is_no_second_effect(two_strong: Reasoning) -> None:
+    search, pair = two_strong.search, two_strong.best
     assert stronger_part(search, pair).effects in (("quadratic_drag",), ("direction_asymmetry",))
-    harmed = np.isin(search.problem.data.run_of_row, (0, 1))
-    pair.residual.wheels[harmed] *= 2.0
-    assert not surely_both(search, pair)
+    harmed = np.isin(search.problem.data.run_of_row, (0, 1))[:, None]
+    wheels = np.where(harmed, 2.0 * pair.residual.wheels, pair.residual.wheels)
+    assert not both_significant(search, replace(pair, residual=replace(pair.residual, wheels=wheels)))

@@ -10,23 +10,23 @@ import numpy as np
 import pytest
 
 from support.practice_robots import Answer, judge, make_trial
-from support.practice_robots.draws import draw_bench, draw_machine
+from support.practice_robots.draws import draw_experiment, draw_machine
 from support.practice_robots.effects import CATALOGUE
 from support.practice_robots.first_order import unit_speed
 from support.practice_robots.outside import OUTSIDE
 from support.practice_robots.recorder import Layout
-from support.practice_robots.strength import Bench
-from truing.recording_reader import read_recording_set
+from support.practice_robots.strength import Experiment
+from truing.recording.reader import read_recording_set
 
 SPANS = {"mismatch": [], "effects": []}
 
 
-def healthy_bench(seed: int, noise: float | None) -> tuple[Bench, np.ndarray]:
+def healthy_experiment(seed: int, noise: float | None) -> tuple[Experiment, np.ndarray]:
     """A robot with nothing hidden on a rich plan, and the exact first-order speeds (rows, 2)."""
     rng = np.random.default_rng(seed)
     machine = draw_machine(rng, sides_equal=False)
-    bench = draw_bench(rng, machine, "rich", 20.0, noise, sides_equal=False)
-    layout: Layout = bench.layout
+    experiment = draw_experiment(rng, machine, "rich", 20.0, noise, sides_equal=False)
+    layout: Layout = experiment.layout
     speeds = [
         machine.gain[w]
         * unit_speed(
@@ -38,22 +38,22 @@ def healthy_bench(seed: int, noise: float | None) -> tuple[Bench, np.ndarray]:
         )
         for w in (0, 1)
     ]
-    return bench, np.stack(speeds, axis=1)
+    return experiment, np.stack(speeds, axis=1)
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_with_nothing_hidden_a_gain_and_a_time_constant_explain_a_robot_far_below_its_noise(
     seed: int,
 ) -> None:
-    bench, _ = healthy_bench(seed, None)
-    assert bench.wheel_effect(bench.healthy) < 0.15 * bench.wheel_noise(bench.healthy)
+    experiment, _ = healthy_experiment(seed, None)
+    assert experiment.wheel_effect(experiment.healthy) < 0.15 * experiment.wheel_noise(experiment.healthy)
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_without_a_disturbance_only_the_rounding_of_counts_is_left(seed: int) -> None:
-    bench, exact = healthy_bench(seed, 0.0)
-    left = bench.disturbed(bench.healthy, quantised=True).speed - exact
-    per_count = 2 * np.pi * bench.healthy.radius / bench.nominal_counts / bench.layout.dt_s
+    experiment, exact = healthy_experiment(seed, 0.0)
+    left = experiment.disturbed(experiment.healthy, quantised=True).speed - exact
+    per_count = 2 * np.pi * experiment.healthy.radius / experiment.nominal_counts / experiment.layout.dt_s
     assert np.abs(left).max() < 1.2 * per_count
     assert left.std() < 1.1 * per_count / np.sqrt(6)
     moving = np.abs(exact[:, 0]) > 4 * per_count

@@ -12,10 +12,10 @@ import pytest
 
 from support import diagnoses
 from support.recorded_sets import recordings
-from truing.diagnose.report import render_report, save_report
-from truing.diagnose.report_cells import benjamini_hochberg, locate
+from truing.diagnose.present.cells import benjamini_hochberg, locate
+from truing.diagnose.present.page import render_report, save_report
+from truing.diagnose.present.text import headline, place_lines, sections, value_text
 from truing.diagnose.result import Diagnosis, EffectParameter, Explanation, MismatchSpan
-from truing.diagnose.words import headline, place_lines, sections, value_text
 
 MAKERS = [
     diagnoses.missing_physics,
@@ -38,16 +38,16 @@ def test_the_verdict_names_the_effect_its_size_and_what_it_brings() -> None:
     assert "could not have shown: a current limit" in text
 
 
-def test_numbers_that_are_off_are_said_with_what_they_should_be() -> None:
+def test_parameters_that_differ_are_listed_with_their_estimates() -> None:
     text = said(diagnoses.parameters_only())
-    assert "Your numbers are off, your physics is complete." in text
+    assert "The parameters of your simulation are wrong; no missing effect was detected." in text
     assert "Left gain: 1.520 m/s (1.516 to 1.524) instead of 1.45 m/s (+4.8 %)." in text
     assert "Right gain" not in text, "a number inside its interval is not off"
 
 
 def test_a_calm_verdict_beside_a_large_error_warns() -> None:
     calm = diagnoses.parameters_only()
-    assert "with care" not in said(calm)
+    assert "the verdict is uncertain" not in said(calm)
     left = replace(calm, fit=replace(calm.fit, refit_rmse=0.03))
     assert "still 2.7 times the noise floor" in said(left)
 
@@ -70,7 +70,7 @@ def test_effects_that_act_together_are_one_alternative() -> None:
     assert "dry friction with a dead band in the motor driver; or a delay" in text
 
 
-def test_a_second_effect_in_doubt_is_said_beside_the_first_which_is_not() -> None:
+def test_an_uncertain_second_effect_is_named_beside_the_certain_first() -> None:
     explanations = tuple(
         Explanation(names, np.zeros(4)) for names in (("wheel_slip", "gear_backlash"), ("wheel_slip",))
     )
@@ -79,10 +79,10 @@ def test_a_second_effect_in_doubt_is_said_beside_the_first_which_is_not() -> Non
     diagnosis = replace(diagnoses.ambiguous(), effects=(slip, gap), explanations=explanations)
     assert headline(diagnosis).startswith("Missing from the simulation: ")
     assert "perhaps also" in headline(diagnosis)
-    assert "Perhaps not there: without it, " in render_report(recordings(4), diagnosis)
+    assert "Perhaps absent: without it, " in render_report(recordings(4), diagnosis)
 
 
-def test_places_of_one_kind_are_told_together() -> None:
+def test_places_of_one_kind_are_listed_together() -> None:
     lines = place_lines(diagnoses.missing_physics())
     assert lines[0].startswith("Left wheel, near standstill, after a reversal: 52 % of the mismatch")
     assert "and 1 like it" in lines[0]

@@ -1,4 +1,4 @@
-"""The verdict file is the contract's section 4, whatever the diagnosis holds."""
+"""The verdict file is docs/DATA_FORMAT.md, section 4, whatever the diagnosis holds."""
 
 from __future__ import annotations
 
@@ -22,11 +22,12 @@ MAKERS = [
 
 
 @pytest.mark.parametrize("make", MAKERS)
-def test_every_verdict_becomes_strict_json_with_the_contracts_keys(make) -> None:
+def test_every_verdict_becomes_strict_json_with_the_documented_keys(make) -> None:
     tree = json.loads(json.dumps(make().to_json(), allow_nan=False))
-    assert tree["schema"] == 1
+    assert tree["schema"] == 2
     assert {"verdict", "effects", "mismatch", "fit", "not_exercised", "next_experiment"} <= set(tree)
-    assert set(tree["fit"]) == {"baseline_rmse", "refit_rmse", "model_rmse", "noise_floor", "unit"}
+    assert {"baseline_rmse", "refit_rmse", "model_rmse", "noise_floor", "unit"} <= set(tree["fit"])
+    assert {"left_over", "recorder"} <= set(tree)
     for effect in tree["effects"]:
         assert {
             "name",

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares
+import scipy
 
 from support.simulated_runs import GAIN, RICH, TAU, by_run, levels, recordings
 from truing.diagnose.catalogue import CATALOGUE, Catalogue
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.errors import TruingError
 
-CONTRACT = Path(__file__).parents[3] / "host/truing/diagnose/effects"
+DATA_FORMAT = Path(__file__).parents[3] / "docs/DATA_FORMAT.md"
 
 # Strengths to hide and to find again, as numbers of the simulator's vector, by effect.
 HIDDEN: dict[str, dict[str, float]] = {
@@ -41,11 +42,22 @@ HIDDEN: dict[str, dict[str, float]] = {
 }
 
 
-def test_the_catalogue_is_the_contracts() -> None:
+def documented() -> dict[str, dict[str, str]]:
+    """Parameters and their units of each effect in docs/DATA_FORMAT.md, in the page's order."""
+    page = DATA_FORMAT.read_text(encoding="utf-8").split("\n## 5. ")[1].split("\n## ")[0]
+    effects, parameters = page.split("| effect | parameter |")
+    found: dict[str, dict[str, str]] = {name: {} for name in re.findall(r"^\| `(\w+)` \|", effects, re.M)}
+    for name, parameter, unit in re.findall(r"^\| `(\w+)` \| `(\w+)` \| (.+?) \|", parameters, re.M):
+        found[name][parameter] = unit
+    return found
+
+
+def test_the_catalogue_is_the_documented_one() -> None:
+    simulator = SetSimulator(recordings())
+    assert {name: simulator.units(name) for name in CATALOGUE} == documented()
     assert len(CATALOGUE) == 27
-    assert set(HIDDEN) <= set(CATALOGUE)
     assert all(effect.name == name for name, effect in CATALOGUE.items())
-    assert {file.stem for file in CONTRACT.glob("[a-z]*.py")} == set(CATALOGUE)
+    assert set(HIDDEN) <= set(CATALOGUE)
 
 
 def test_the_baseline_is_the_first_order_step_in_closed_form() -> None:
@@ -95,7 +107,7 @@ def test_numbers_that_made_a_log_are_found_in_it(name: str) -> None:
     free = [0, 1, 2, 3, *(layout.index(f"{name}.{key}") for key in HIDDEN[name])]
     theta = simulator.start()
     if name == "speed_filter":
-        free = free[4:]  # beside the time constant of the wheel, no run tells the two lags apart
+        free = free[4:]  # beside the time constant of the wheel, the two lags are not distinguishable
         theta[:4] = hidden[:4]
 
     def place(x: np.ndarray) -> np.ndarray:
@@ -106,7 +118,7 @@ def test_numbers_that_made_a_log_are_found_in_it(name: str) -> None:
     start = np.where(np.isclose(start, hidden[free]), hidden[free] * 0.9, start)
     if name in ("current_limit", "speed_limit", "wheel_slip"):
         start[-1] = 1.15 * hidden[free[-1]]
-    found = least_squares(
+    found = scipy.optimize.least_squares(
         lambda x: (simulator.speeds(place(x), on) - made)[data.judged].ravel(),
         start,
         jac=lambda x: simulator.jacobian(place(x), on, free)[data.judged].reshape(-1, len(free)),

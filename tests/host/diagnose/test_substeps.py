@@ -9,7 +9,7 @@ import pytest
 
 from support.simulated_runs import RICH, by_run, recordings
 from truing.diagnose.catalogue import CATALOGUE
-from truing.diagnose.data import SetData
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.simulation.simulator import SetSimulator
 
 WHEEL_EFFECTS = sorted(name for name, effect in CATALOGUE.items() if effect.domain != "pose")

@@ -1,4 +1,4 @@
-"""What the diagnosis says of robots of another make: right, or in doubt, never wrongly sure."""
+"""Verdicts on the practice robots: correct or ambiguous, never confidently wrong."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from support.practice_robots import judge, make_trial
-from support.practice_robots.judge import Judgement
+from support.practice_robots.score import Judgement
+from truing.diagnose.diagnosis_input import Options, read_input
 from truing.diagnose.engine import diagnose
 
 pytestmark = pytest.mark.slow
@@ -15,7 +16,7 @@ pytestmark = pytest.mark.slow
 
 def judged(folder: Path, seed: int, effect: str, second: str | None = None) -> Judgement:
     answer = make_trial(seed, effect, folder=folder, plan_kind="rich", second_effect=second)
-    return judge(answer, diagnose(folder / "recordings", jobs=1).to_json())
+    return judge(answer, diagnose(read_input(folder / "recordings", None), Options(jobs=1)).to_json())
 
 
 @pytest.mark.parametrize(
@@ -34,7 +35,7 @@ def test_two_hidden_effects_are_both_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["null_exact", "null_numbers"])
-def test_a_healthy_robot_is_not_accused(tmp_path: Path, kind: str) -> None:
+def test_a_healthy_robot_gets_no_false_positive(tmp_path: Path, kind: str) -> None:
     assert judged(tmp_path, 33, kind)["right"]
 
 

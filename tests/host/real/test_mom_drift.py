@@ -6,9 +6,9 @@ from functools import cache
 
 import pytest
 
-from truing.paper_mom import PAPER_MODEL
-from truing.real.mom import constants_runs, end_run
-from truing.real.study import DriftStudy, study_drift
+from truing.studies.mom_odometry import PAPER_MODEL
+from truing.studies.real.mom import constants_runs, end_run
+from truing.studies.real.study import DriftStudy, study_drift
 
 
 @cache

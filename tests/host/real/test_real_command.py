@@ -12,8 +12,8 @@ from support.cli import truing
 from truing.cli.app import App
 from truing.cli.real import command
 from truing.diagnose.result import Diagnosis, FitErrors
-from truing.real.study import DriftStudy
-from truing.real.tables import RealStudy, markdown, undecided
+from truing.studies.real.study import DriftStudy
+from truing.studies.real.tables import RealStudy, markdown, undecided
 
 
 def test_the_papers_runs_need_no_recordings_and_make_a_page(tmp_path: Path) -> None:

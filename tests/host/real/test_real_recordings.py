@@ -9,16 +9,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from truing.diagnose.data import set_data
+from truing.diagnose.data.encoder_faults import find_encoder_fault
+from truing.diagnose.data.set_data import set_data
+from truing.diagnose.diagnosis_input import Options
 from truing.diagnose.effects.speed_filter import direct_lag
-from truing.diagnose.result import Diagnosis
-from truing.diagnose.session import Options, diagnose_recordings
-from truing.diagnose.untrusted import untrusted_wheel
-from truing.real.drivetrains import read_drivetrain, set_folders
-from truing.real.emps import read_emps, travel_error_mm
-from truing.real.mrclam import FULL_SPEED_MPS, read_mrclam
-from truing.real.plain_fit import Drop, PlainJudge
-from truing.real.study import FILTER, FRICTION
+from truing.diagnose.engine import diagnose
+from truing.diagnose.result import NAMING, Diagnosis
+from truing.studies.real.drivetrains import read_drivetrain, set_folders
+from truing.studies.real.emps import read_emps, travel_error_mm
+from truing.studies.real.mrclam import FULL_SPEED_MPS, read_mrclam
+from truing.studies.real.plain_fit import Drop, PlainJudge
+from truing.studies.real.study import FILTER, FRICTION
 
 pytestmark = [pytest.mark.recordings, pytest.mark.slow]
 
@@ -40,7 +41,7 @@ def judge(folder: Path) -> PlainJudge:
 
 @cache
 def diagnosis(folder: Path) -> Diagnosis:
-    return diagnose_recordings(read_drivetrain(folder))
+    return diagnose(read_drivetrain(folder))
 
 
 def drop(one: PlainJudge, effects: tuple[str, ...], wheel: int) -> Drop:
@@ -93,7 +94,7 @@ def test_one_encoder_and_no_other_is_told_from_missing_physics(recordings: Path)
     for folder in set_folders(recordings):
         one = read_drivetrain(folder)
         assert one.baseline is not None
-        found = untrusted_wheel(one, one.baseline)
+        found = find_encoder_fault(one, one.baseline)
         assert (None if found is None else found.wheel) == ("right" if folder.name == MINIBOT else None)
 
 
@@ -115,11 +116,11 @@ def test_what_is_named_lowers_the_unseen_error(recordings: Path, name: str) -> N
     folder = recordings / "real" / name
     one = read_drivetrain(folder)
     assert one.baseline is not None
-    bad = untrusted_wheel(one, one.baseline)
-    done = diagnosis(folder) if bad is None else diagnose_recordings(one, Options(wheel=bad.other))
+    bad = find_encoder_fault(one, one.baseline)
+    done = diagnosis(folder) if bad is None else diagnose(one, Options(wheel=bad.other))
     wheels = (0,) if bad is not None else (0, 1)
     first = tuple(effect.name for effect in done.effects if effect.explanation == 0)
-    assert bool(first) == (done.verdict in ("missing_physics", "ambiguous"))
+    assert bool(first) == (done.verdict in NAMING)
     if first:
         judged = judge(folder)
         assert judged.drop(judged.unseen(()), judged.unseen(first), wheels).lowers
@@ -127,7 +128,7 @@ def test_what_is_named_lowers_the_unseen_error(recordings: Path, name: str) -> N
 
 def test_friction_and_lateness_are_named_on_a_plain_drivetrain(recordings: Path) -> None:
     done = diagnosis(recordings / "real" / ARMADA)
-    assert done.verdict in ("missing_physics", "ambiguous")
+    assert done.verdict in NAMING
     found = {effect.name for effect in done.effects}
     assert found & DRY
     assert found & LATE
@@ -143,13 +144,13 @@ def test_friction_and_its_asymmetry_on_the_emps_axis_hold_on_the_second_file(rec
     assert fell.after < 0.35 * one.rms(one.unseen(()).error, (0,))
     there = {effects: travel_error_mm(second, effects, one.unseen(effects).theta) for effects in ((), both)}
     assert there[both] < 0.4 * there[()]
-    assert not one.data.usable[:, 1].any()
+    assert not one.data.valid[:, 1].any()
 
 
 def test_the_commanded_twist_of_mrclam_comes_late(recordings: Path) -> None:
     whole = read_mrclam(recordings)
     runs = replace(whole, runs=whole.runs[::2])
-    done = diagnose_recordings(runs, Options(commanded=True))
+    done = diagnose(runs, Options(commanded=True))
     assert done.verdict == "missing_physics"
     assert done.effects[0].name == "input_delay"
     delay = done.effects[0].parameters["delay"]

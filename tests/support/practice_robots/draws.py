@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 import numpy as np
+import scipy
 from numpy.random import Generator
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from support.practice_robots.physics import Physics, healthy
 from support.practice_robots.plans import PlanKind, draw_plan
 from support.practice_robots.recorder import Layout, disturbance
-from support.practice_robots.strength import Bench
+from support.practice_robots.strength import Experiment
 
 Array: TypeAlias = NDArray[np.float64]
 Signals: TypeAlias = Literal["own", "ticks", "pos", "vel", "filtered", "filtered_beside_ticks"]
@@ -58,7 +58,7 @@ def draw_machine(
     return Machine(physics, gain, tau)
 
 
-def draw_bench(
+def draw_experiment(
     rng: Generator,
     machine: Machine,
     plan_kind: PlanKind,
@@ -66,7 +66,7 @@ def draw_bench(
     noise: float | None,
     *,
     sides_equal: bool,
-) -> Bench:
+) -> Experiment:
     """The robot on a plan. `noise` is disturbance over quantisation (RMS of speed); drawn where None."""
     layout = Layout.of(draw_plan(plan_kind, rng), rate_hz)
     physics = machine.physics
@@ -82,10 +82,10 @@ def draw_bench(
     shape = None
     if rng.random() < 0.5:  # from the ground: only while it rolls
         keep = np.exp(-1e-3 / machine.time_constant.mean())
-        speed = lfilter([1 - keep], [1, -keep], layout.effort, axis=0) * machine.gain
+        speed = scipy.signal.lfilter([1 - keep], [1, -keep], layout.effort, axis=0) * machine.gain
         shape = np.abs(speed) / (np.abs(speed) + 0.03)
     torque = disturbance(rng, len(layout.effort), 1.0, memory, shape) * size
-    return Bench(
+    return Experiment(
         healthy=physics,
         layout=layout,
         torque=torque,

@@ -1,4 +1,4 @@
-"""The 27 effects of the contract's catalogue, each added to a practice robot at a size from 0 (off) to 1."""
+"""The 27 effects of docs/DATA_FORMAT.md, each added to a practice robot at a size from 0 (off) to 1."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Hidden:
     """One way to be different from the baseline.
 
     `apply(physics, size, shape)` gives the robot with it; `parameters(physics, size, shape)` gives the
-    contract's parameters of the finished robot, as built. `exact` says that they are also the
+    catalogue's parameters of the finished robot, as built. `exact` says that they are also the
     values that the catalogue's equation takes; the others are fitted or marked as approximate.
     """
 

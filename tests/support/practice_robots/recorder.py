@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
+import scipy
 from numpy.random import Generator
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from support.practice_robots import kernel
 from support.practice_robots.physics import Physics
@@ -74,7 +74,7 @@ def disturbance(
     out = np.empty((samples, 2))
     for w in range(2):
         noise = rng.standard_normal(samples)
-        out[:, w] = size * lfilter([np.sqrt(1 - keep[w] ** 2)], [1, -keep[w]], noise)
+        out[:, w] = size * scipy.signal.lfilter([np.sqrt(1 - keep[w] ** 2)], [1, -keep[w]], noise)
     return out if per_ms_shape is None else out * per_ms_shape
 
 

@@ -1,8 +1,8 @@
-"""Effective parameters: the contract's own words as a first-order wheel, fitted to noise-free output.
+"""Effective parameters: the catalogue's plain equation as a first-order wheel, fitted to noise-free output.
 
-The equations here are the plainest reading of the contract's catalogue, for the effects whose practice
-robot is finer: bristles for dry friction, an inductance for a lag, a limited current beside viscous friction,
-two wheels of different time constants coasting.
+The equations here are the plainest reading of the catalogue (docs/DATA_FORMAT.md, section 5), for the effects
+whose practice robot is finer: bristles for dry friction, an inductance for a lag, a limited current beside
+viscous friction, two wheels of different time constants coasting.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from typing import TypeAlias
 
 import numba
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from support.practice_robots.physics import Physics
 from support.practice_robots.plans import draw_plan
 from support.practice_robots.recorder import Layout
-from support.practice_robots.strength import Bench
+from support.practice_robots.strength import Experiment
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -99,22 +99,22 @@ def catalogue_speeds(
 
 
 def effective(
-    bench: Bench, name: str, robot: Physics, nominal: dict[str, float]
+    experiment: Experiment, name: str, robot: Physics, nominal: dict[str, float]
 ) -> tuple[dict[str, float], float]:
-    """The contract's parameters of `name` that serve long noise-free output of `robot` best.
+    """The catalogue's parameters of `name` that serve long noise-free output of `robot` best.
 
-    With the RMS (m/s) that even they leave on the plan of `bench`: what the robot has beyond the
+    With the RMS (m/s) that even they leave on the plan of `experiment`: what the robot has beyond the
     catalogue's equation.
     """
     free = FREE[name]
-    longer = _long_bench(bench)
+    longer = _long_experiment(experiment)
     layout = longer.layout
     clean = longer.clean(robot).speed
     q = np.zeros(SIZE)
     q[LIMIT] = 1e9
-    gain, tau = _first_order(bench)
+    gain, tau = _first_order(experiment)
     q[GAIN : GAIN + 2], q[TAU : TAU + 2] = gain, tau
-    q[STRIBECK_MPS] = max(bench.healthy.radius * 0.8, 0.02)
+    q[STRIBECK_MPS] = max(experiment.healthy.radius * 0.8, 0.02)
     places = [GAIN, GAIN + 1, TAU, TAU + 1]
     for parameter, place in free.items():
         q[place] = nominal[parameter]
@@ -132,23 +132,23 @@ def effective(
             dtype=np.float64,
         )
 
-    fitted = least_squares(
+    fitted = scipy.optimize.least_squares(
         left, np.zeros(len(places)), diff_step=[2e-3] * len(places), bounds=(-2.5, 2.5), max_nfev=12
     )
     q[places] = scale * np.exp(fitted.x)
     values = {parameter: float(q[place]) for parameter, place in free.items()}
-    own = bench.layout
+    own = experiment.layout
     predicted = catalogue_speeds(q, own.effort, own.start, own.row, own.dt_s)
-    return values, float(np.sqrt(np.mean((predicted - bench.clean(robot).speed) ** 2)))
+    return values, float(np.sqrt(np.mean((predicted - experiment.clean(robot).speed) ** 2)))
 
 
-def _first_order(bench: Bench) -> tuple[Array, Array]:
-    p = bench.healthy
+def _first_order(experiment: Experiment) -> tuple[Array, Array]:
+    p = experiment.healthy
     share = p.viscous * p.resistance / p.torque_constant**2
-    return p.radius * p.voltage / (p.torque_constant * (1 + share)), bench.time_constant
+    return p.radius * p.voltage / (p.torque_constant * (1 + share)), experiment.time_constant
 
 
-def _long_bench(bench: Bench) -> Bench:
+def _long_experiment(experiment: Experiment) -> Experiment:
     """The same robot on a rich plan of its own, on which effective parameters are defined."""
-    layout = Layout.of(draw_plan("rich", np.random.default_rng(PLAN_SEED))[:12], 1 / bench.layout.dt_s)
-    return replace(bench, layout=layout, torque=np.zeros_like(layout.effort))
+    layout = Layout.of(draw_plan("rich", np.random.default_rng(PLAN_SEED))[:12], 1 / experiment.layout.dt_s)
+    return replace(experiment, layout=layout, torque=np.zeros_like(layout.effort))

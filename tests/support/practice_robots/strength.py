@@ -20,7 +20,7 @@ POSE_WINDOW_S = 1.0
 
 
 @dataclass(frozen=True)
-class Bench:
+class Experiment:
     """A robot on a plan with its disturbance: everything that strengths are measured against."""
 
     healthy: Physics

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from support.practice_robots.draws import draw_baseline, draw_bench, draw_machine, draw_signals
+from support.practice_robots.draws import draw_baseline, draw_experiment, draw_machine, draw_signals
 from support.practice_robots.effects import CATALOGUE, Draw, Hidden, Shape
 from support.practice_robots.kernel import SUPPLY, WARM, X
 from support.practice_robots.outside import OUTSIDE
@@ -20,7 +20,7 @@ from support.practice_robots.physics import Physics
 from support.practice_robots.plans import PLAN_KINDS, PlanKind
 from support.practice_robots.recorder import Drive, by_run_difference
 from support.practice_robots.reference import FREE, effective
-from support.practice_robots.strength import Bench, find_size
+from support.practice_robots.strength import Experiment, find_size
 from support.practice_robots.writer import draw_log, write_set
 
 Array: TypeAlias = NDArray[np.float64]
@@ -40,7 +40,7 @@ NOT_TOGETHER = (
     {"driver_lag", "speed_filter"},
     {"input_delay", "speed_filter"},
 )
-# One number for both wheels in the contract, so that both wheels must be alike for it to be true.
+# One number for both wheels in the catalogue, so that both wheels must be alike for it to be true.
 ONE_NUMBER = {"coast_decay"}
 NEEDS_TRUTH = {"encoder_scale", "wheel_radius_error", "wheelbase_error", "heading_drift"}
 SHOWS_IN_TRUTH = {"wheel_slip", "floor_slope", "encoder_dropout", "encoder_eccentricity", "gear_backlash"}
@@ -52,7 +52,7 @@ class NotReachable(Exception):  # noqa: N818 - says what happened
 
 @dataclass(frozen=True)
 class HiddenEffect:
-    """One thing hidden: `strength` is S; parameters as the contract names them."""
+    """One thing hidden: `strength` is S; parameters as docs/DATA_FORMAT.md names them."""
 
     name: str
     parameters: dict[str, float]
@@ -164,17 +164,17 @@ def _attempt(
         sides_equal=sides_equal or bool(ONE_NUMBER & set(names)),
         viscous=_viscous(names),
     )
-    bench = draw_bench(rng, machine, plan_kind, rate_hz, noise, sides_equal=sides_equal)
-    ends = np.append(np.flatnonzero(bench.layout.start), len(bench.layout.start))
+    experiment = draw_experiment(rng, machine, plan_kind, rate_hz, noise, sides_equal=sides_equal)
+    ends = np.append(np.flatnonzero(experiment.layout.start), len(experiment.layout.start))
     draw = Draw(rng, machine.physics, tuple(int(n) for n in np.diff(ends)))
-    robot = bench.healthy
-    wheel_noise = bench.wheel_noise(bench.healthy)
-    pose_noise = bench.pose_noise()
+    robot = experiment.healthy
+    wheel_noise = experiment.wheel_noise(experiment.healthy)
+    pose_noise = experiment.pose_noise()
     found: list[tuple[Hidden, float, Shape, float]] = []
     for name in names:
         hidden = _hidden(name)
         shape = hidden.shape(draw)
-        sized = _sized(bench, hidden, shape, strength, wheel_noise, pose_noise, rng)
+        sized = _sized(experiment, hidden, shape, strength, wheel_noise, pose_noise, rng)
         if sized is None:
             return None
         found.append((hidden, sized[0], shape, sized[1]))
@@ -187,11 +187,11 @@ def _attempt(
         share = 0.6
     log = draw_log(rng, signals, truth_share=share, start_matters="floor_slope" in names)
     gain, tau = draw_baseline(rng, machine, exact=effect == "null_exact", sides_equal=sides_equal)
-    driven = bench.disturbed(robot, quantised=True)
-    write_set(folder / "recordings", bench, driven, log, gain, tau, rng)
+    driven = experiment.disturbed(robot, quantised=True)
+    write_set(folder / "recordings", experiment, driven, log, gain, tau, rng)
     hidden_effects: list[HiddenEffect] = []
     for hidden, size, shape, got in sorted(found, key=lambda item: -item[3]):
-        parameters, remainder = _parameters(bench, hidden, size, shape)
+        parameters, remainder = _parameters(experiment, hidden, size, shape)
         hidden_effects.append(
             HiddenEffect(
                 name=hidden.name,
@@ -218,17 +218,17 @@ def _attempt(
         truth=log.truth,
         gyro=log.gyro,
         rate_hz=rate_hz,
-        counts_per_rev=bench.nominal_counts,
+        counts_per_rev=experiment.nominal_counts,
         gain_mps=tuple(float(v) for v in machine.gain),  # type: ignore[arg-type]
         time_constant_s=tuple(float(v) for v in machine.time_constant),  # type: ignore[arg-type]
-        energy=_energy(bench, robot) if names else {},
+        energy=_energy(experiment, robot) if names else {},
         folder=str(folder),
     )
 
 
 def _viscous(names: list[str]) -> tuple[float, float]:
     """Viscous torque over back-EMF braking. Heat lowers a gain only against a load, and a limit on the
-    current spares viscous friction, which the contract's "torque saturates" does not know.
+    current spares viscous friction, which the catalogue's "torque saturates" does not know.
     """
     if "winding_heating" in names:
         return 0.2, 0.8
@@ -236,7 +236,7 @@ def _viscous(names: list[str]) -> tuple[float, float]:
 
 
 def _sized(
-    bench: Bench,
+    experiment: Experiment,
     hidden: Hidden,
     shape: Shape,
     strength: str,
@@ -248,43 +248,45 @@ def _sized(
     target = float(np.exp(rng.uniform(np.log(low * 1.03), np.log(high * 0.97))))
 
     def strength_of(size: float) -> float:
-        physics = hidden.apply(bench.healthy, size, shape)
+        physics = hidden.apply(experiment.healthy, size, shape)
         if hidden.domain == "pose":
-            return float((bench.pose_effect(physics) / pose_noise).max())
-        floor = bench.wheel_noise(physics) if hidden.name == "speed_filter" else wheel_noise
-        return bench.wheel_effect(physics) / floor
+            return float((experiment.pose_effect(physics) / pose_noise).max())
+        floor = experiment.wheel_noise(physics) if hidden.name == "speed_filter" else wheel_noise
+        return experiment.wheel_effect(physics) / floor
 
     return find_size(strength_of, target, low, high)
 
 
-def _parameters(bench: Bench, hidden: Hidden, size: float, shape: Shape) -> tuple[dict[str, float], float]:
-    """The contract's parameters, and the RMS (m/s) that its equation leaves where that was looked at."""
-    robot = hidden.apply(bench.healthy, size, shape)
+def _parameters(
+    experiment: Experiment, hidden: Hidden, size: float, shape: Shape
+) -> tuple[dict[str, float], float]:
+    """The catalogue's parameters, and the RMS (m/s) that its equation leaves where that was looked at."""
+    robot = hidden.apply(experiment.healthy, size, shape)
     values = hidden.parameters(robot, size, shape)
     remainder = float("nan")
     if hidden.name == "supply_sag":
-        values["drop_over_set"] = float(1 - bench.clean(robot).rows[-1, SUPPLY] / robot.voltage)
+        values["drop_over_set"] = float(1 - experiment.clean(robot).rows[-1, SUPPLY] / robot.voltage)
     if hidden.name == "winding_heating":
         share = robot.viscous * robot.resistance / robot.torque_constant**2
-        warmest = bench.clean(robot).rows[:, WARM : WARM + 2].max(axis=0)
+        warmest = experiment.clean(robot).rows[:, WARM : WARM + 2].max(axis=0)
         values["gain_drop"] = float((1 - (1 + share) / (1 + share * (1 + warmest))).mean())
     if hidden.name in FREE:
-        fitted, remainder = effective(bench, hidden.name, robot, values)
+        fitted, remainder = effective(experiment, hidden.name, robot, values)
         values |= fitted
     return {name: float(value) for name, value in values.items()}, remainder
 
 
-def _energy(bench: Bench, robot: Physics) -> dict[str, dict[str, list[float]]]:
+def _energy(experiment: Experiment, robot: Physics) -> dict[str, dict[str, list[float]]]:
     """Squared difference, per row, to the robot without: speeds (m/s)^2, pose m^2 within the row."""
     with_it, without = (
-        bench.disturbed(robot, quantised=False),
-        bench.disturbed(bench.healthy, quantised=False),
+        experiment.disturbed(robot, quantised=False),
+        experiment.disturbed(experiment.healthy, quantised=False),
     )
     speed = (with_it.speed - without.speed) ** 2
-    pose = ((_slipped(bench, with_it) - _slipped(bench, without)) ** 2).sum(axis=1)
+    pose = ((_slipped(experiment, with_it) - _slipped(experiment, without)) ** 2).sum(axis=1)
     out: dict[str, dict[str, list[float]]] = {}
-    for run in range(bench.layout.runs):
-        rows = bench.layout.row_run == run
+    for run in range(experiment.layout.runs):
+        rows = experiment.layout.row_run == run
         out[f"{run + 1:02d}_run"] = {
             "left": _short(speed[rows, 0]),
             "right": _short(speed[rows, 1]),
@@ -293,14 +295,14 @@ def _energy(bench: Bench, robot: Physics) -> dict[str, dict[str, list[float]]]:
     return out
 
 
-def _slipped(bench: Bench, driven: Drive) -> Array:
+def _slipped(experiment: Experiment, driven: Drive) -> Array:
     """Per row, how far the robot moved less what its encoders say: forward (m), turn (m at the wheel)."""
-    starts = np.flatnonzero(np.r_[True, np.diff(bench.layout.row_run) > 0])
-    moved = by_run_difference(driven.rows[:, X : X + 3], bench.layout, np.zeros((len(starts), 3)))
+    starts = np.flatnonzero(np.r_[True, np.diff(experiment.layout.row_run) > 0])
+    moved = by_run_difference(driven.rows[:, X : X + 3], experiment.layout, np.zeros((len(starts), 3)))
     ahead = np.hypot(moved[:, 0], moved[:, 1])
     seen = driven.travel_m.mean(axis=1)
     turn = driven.travel_m[:, 1] - driven.travel_m[:, 0]
-    half = bench.healthy.wheelbase / 2
+    half = experiment.healthy.wheelbase / 2
     return np.stack([ahead * np.sign(seen) - seen, moved[:, 2] * half - turn / 2], axis=1)
 
 

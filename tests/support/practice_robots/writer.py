@@ -1,4 +1,4 @@
-"""A recording set on disk, in the contract's form."""
+"""A recording set on disk (docs/DATA_FORMAT.md, section 1)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from support.practice_robots.draws import Signals
 from support.practice_robots.kernel import HEADING, SUPPLY, YAW_RATE, X
 from support.practice_robots.recorder import Drive
-from support.practice_robots.strength import Bench, add_pose_noise, dead_reckoning
+from support.practice_robots.strength import Experiment, add_pose_noise, dead_reckoning
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -55,17 +55,23 @@ def _column(values: Iterable[float], digits: int) -> list[str]:
 
 
 def write_set(
-    folder: Path, bench: Bench, driven: Drive, log: Log, gain: Array, time_constant: Array, rng: Generator
+    folder: Path,
+    experiment: Experiment,
+    driven: Drive,
+    log: Log,
+    gain: Array,
+    time_constant: Array,
+    rng: Generator,
 ) -> None:
     """`folder/baseline.toml` and `folder/runs/*.csv`."""
     runs = folder / "runs"
     runs.mkdir(parents=True, exist_ok=True)
     for old in runs.glob("*.csv"):
         old.unlink()
-    write_baseline(folder / "baseline.toml", bench, gain, time_constant)
-    layout = bench.layout
+    write_baseline(folder / "baseline.toml", experiment, gain, time_constant)
+    layout = experiment.layout
     fine = bool(rng.random() < 0.5)
-    per_count = 2 * np.pi * bench.healthy.radius / bench.nominal_counts
+    per_count = 2 * np.pi * experiment.healthy.radius / experiment.nominal_counts
     for index in range(layout.runs):
         rows = np.flatnonzero(layout.row_run == index)
         columns: dict[str, list[str]] = {"t_s": _column(np.r_[0.0, layout.row_s[rows]], 3)}
@@ -91,16 +97,16 @@ def write_set(
             columns["vel_left_mps"] = _column(speed[:, 0], 6 if fine else 3)
             columns["vel_right_mps"] = _column(speed[:, 1], 6 if fine else 3)
         if log.signals == "own":
-            pose = dead_reckoning(driven.travel_m[rows], bench.healthy.wheelbase)
+            pose = dead_reckoning(driven.travel_m[rows], experiment.healthy.wheelbase)
             for name, axis, digits in (("x_m", 0, 3), ("y_m", 1, 3), ("theta_rad", 2, 4)):
                 columns[name] = _column(pose[:, axis], digits)
         if log.battery:
-            supply = np.r_[bench.healthy.voltage, driven.rows[rows, SUPPLY]]
+            supply = np.r_[experiment.healthy.voltage, driven.rows[rows, SUPPLY]]
             columns["battery_v"] = _column(supply + rng.normal(0, 0.01, len(supply)), 2)
         if log.truth:
             path = np.vstack([np.zeros(3), driven.rows[rows, X : HEADING + 1]])
             seen = add_pose_noise(
-                _placed(path, log.truth_start), bench.pose_noise_m, bench.heading_noise_rad, rng
+                _placed(path, log.truth_start), experiment.pose_noise_m, experiment.heading_noise_rad, rng
             )
             for name, axis in (("truth_x_m", 0), ("truth_y_m", 1), ("truth_theta_rad", 2)):
                 columns[name] = _column(seen[:, axis], 5)
@@ -123,14 +129,14 @@ def _placed(path: Array, start: tuple[float, float, float]) -> Array:
     )
 
 
-def write_baseline(path: Path, bench: Bench, gain: Array, time_constant: Array) -> None:
+def write_baseline(path: Path, experiment: Experiment, gain: Array, time_constant: Array) -> None:
     """The user's first-order numbers and the nominal geometry."""
     lines = [
         "[robot]",
         'name = "practice"',
-        f"wheel_radius_m = {bench.healthy.radius:.9g}",
-        f"wheelbase_m = {bench.healthy.wheelbase:.9g}",
-        f"counts_per_rev = {bench.nominal_counts:g}",
+        f"wheel_radius_m = {experiment.healthy.radius:.9g}",
+        f"wheelbase_m = {experiment.healthy.wheelbase:.9g}",
+        f"counts_per_rev = {experiment.nominal_counts:g}",
     ]
     for w, name in enumerate(("left", "right")):
         lines += [
@@ -138,5 +144,5 @@ def write_baseline(path: Path, bench: Bench, gain: Array, time_constant: Array) 
             f"gain_mps = {gain[w]:.6g}",
             f"time_constant_s = {time_constant[w]:.6g}",
         ]
-    lines += ["[log]", f"rate_hz = {1 / bench.layout.dt_s:g}"]
+    lines += ["[log]", f"rate_hz = {1 / experiment.layout.dt_s:g}"]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -7,9 +7,9 @@ bearings and grease, and with it a longer time constant (Hughes and Drury, Elect
 section 3.6).
 
 In data: every stop takes longer than a start; only rows with exactly zero effort are off, and a small
-effort of either sign behaves as the baseline says.
+effort of either sign behaves as in the baseline.
 
-Easily taken for: dry friction with the wrong sign (the stop is too long rather than too short), a filter
+Confused with: dry friction with the wrong sign (the stop is too long rather than too short), a filter
 in the recorder. Stops by zero effort against stops by a small effort separate it.
 """
 
@@ -17,8 +17,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 # Efforts below half a step of the log's resolution are zero.
@@ -59,7 +59,7 @@ EFFECT = Effect(
     title="the wheel coasts at zero effort instead of braking",
     equation="dv/dt = -v / T_coast at zero effort",
     source="Hughes and Drury, Electric Motors and Drives, section 3.6",
-    looks_like="every stop by zero effort takes longer than the baseline says; the rest is right",
+    signature="every stop by zero effort takes longer than in the baseline; the rest is right",
     separated_by={
         "coulomb_friction": "stops by zero effort and by a small effort of the other sign",
         "driver_lag": "steps up and steps down to a level that is not zero",

@@ -11,15 +11,15 @@ In data: nothing moves below F; every steady speed lies g F below the line throu
 both directions with the sign turned; at zero effort the wheel stops in finite time, along a curve that
 meets zero at an angle instead of creeping towards it; a reversal is steeper before the stop than after it.
 
-Easily taken for: a driver's dead band, which has the same steady speeds but lets the wheel coast down
+Confused with: a driver's dead band, which has the same steady speeds but lets the wheel coast down
 exponentially; Stribeck friction, which adds a breakaway above F; quadratic drag, when only a few middle
 speeds were driven.
 """
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, per_wheel
 
 
@@ -37,7 +37,7 @@ EFFECT = Effect(
     title="dry friction",
     equation="T dv/dt = g (u - F sign v) - v; at rest while |u| <= F",
     source="Coulomb; Armstrong-Hélouvry et al. 1994, Automatica 30, section 2",
-    looks_like="no motion below a small effort; steady speeds a fixed amount short; stops in finite time",
+    signature="no motion below a small effort; steady speeds a fixed amount short; stops in finite time",
     separated_by={
         "driver_deadband": "a coast-down: zero effort from several speeds, logged until standstill",
         "stribeck_friction": "slow ramps of effort through zero, several breakaways",

@@ -10,7 +10,7 @@ In data: accelerations never exceed limit g / T: a large step rises along a stra
 into the exponential; small steps and steady speeds are right. A reversal at full effort asks for up to
 twice the stall torque and shows the limit first.
 
-Easily taken for: hardly anything when it acts, since nothing else caps acceleration (wheel slip does so
+Confused with: hardly anything when it acts, since nothing else caps acceleration (wheel slip does so
 for the robot, not for the wheel); and not exercised by ordinary driving. A full-effort reversal settles
 it.
 """
@@ -19,8 +19,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -46,7 +46,7 @@ EFFECT = Effect(
     title="a current limit in the driver",
     equation="motor torque u - e v / g is clipped at ±limit; e v / g the back-EMF",
     source="Hughes and Drury, Electric Motors and Drives, section 3.4",
-    looks_like="large steps rise along a straight line; small steps and steady speeds are right",
+    signature="large steps rise along a straight line; small steps and steady speeds are right",
     separated_by={
         "supply_sag": "a full-effort reversal of one wheel alone",
         "wheel_slip": "a full-effort reversal with an outside pose",

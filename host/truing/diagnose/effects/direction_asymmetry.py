@@ -8,14 +8,14 @@ reversed: `by_effort` is 0 for the first and 1 for the second, a nuisance.
 
 In data: backward runs are slower or faster than forward ones by the same share at every level.
 
-Easily taken for: a slope (29 %), which turns with the robot: drive the same path after half a turn; unequal
+Confused with: a slope (29 %), which turns with the robot: drive the same path after half a turn; unequal
 friction; one wheel's side asymmetry when one wheel happens to run backwards.
 """
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter, per_wheel
 
 
@@ -42,7 +42,7 @@ EFFECT = Effect(
     title="forward and reverse gains differ",
     equation="g in reverse = r g",
     source="Hughes and Drury, Electric Motors and Drives, section 3.3",
-    looks_like="backward runs off by the same share at every level, forward runs right",
+    signature="backward runs off by the same share at every level, forward runs right",
     separated_by={
         "floor_slope": "the same path after a half turn",
         "coulomb_friction": "several levels in both directions",

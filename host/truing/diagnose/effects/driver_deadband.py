@@ -9,14 +9,14 @@ In data: no motion below d and all steady speeds short by g d, as with dry frict
 held: at zero effort it runs down exponentially and creeps towards zero, and pushing through zero costs
 nothing.
 
-Easily taken for: Coulomb friction (77 to 93 %): steady speeds alone cannot tell them apart. A coast-down,
+Confused with: Coulomb friction (77 to 93 %): steady speeds alone do not distinguish them. A coast-down,
 zero effort from several speeds logged until standstill, does.
 """
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -39,7 +39,7 @@ EFFECT = Effect(
     title="a dead band in the motor driver",
     equation="u = sign(command) max(|command| - d, 0)",
     source="Slotine and Li, Applied Nonlinear Control, section 5.2",
-    looks_like="no motion below a small effort, all speeds short by a fixed amount, an exponential run-down",
+    signature="no motion below a small effort, all speeds short by a fixed amount, an exponential run-down",
     separated_by={
         "coulomb_friction": "a coast-down: zero effort from several speeds, logged until standstill",
         "stribeck_friction": "slow ramps of effort up and down again",

@@ -8,15 +8,15 @@ its duty cycle does the same with a longer time.
 
 In data: speed sets off with a rounded corner; the error after a step rises and falls within a few L.
 
-Easily taken for: a pure delay, which shifts the corner instead of rounding it; the recorder's speed
+Confused with: a pure delay, which shifts the corner instead of rounding it; the recorder's speed
 filter, which is the same curve once more but leaves counts alone; a longer time constant. A chirp up to a
 few hertz or a step logged at 100 to 200 Hz separates it from a delay.
 """
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -34,7 +34,7 @@ EFFECT = Effect(
     title="a second lag ahead of the motor",
     equation="L du/dt = command - u",
     source="Franklin, Powell and Emami-Naeini, Feedback Control of Dynamic Systems, section 2.3",
-    looks_like="rounded corners: the error after every step rises and falls within a few lags",
+    signature="rounded corners: the error after every step rises and falls within a few lags",
     separated_by={
         "input_delay": "a chirp to 4-8 Hz, or a step logged at 100-200 Hz",
         "speed_filter": "a log with counts beside the recorder's speed",

@@ -8,10 +8,10 @@ algorithms for low-resolution incremental encoder equipped drives", ACEMP, on li
 exponent n is a nuisance: 1 where losses grow evenly, 3 where they set in late.
 
 In data: measured speeds bend down towards the top, and the travel is short by what was lost; against an
-outside pose the robot has gone farther than its encoders say.
+outside pose the robot has gone farther than its encoders show.
 
-Easily taken for: quadratic drag and a speed limit, which slow the robot down instead of its counts. An
-outside pose tells at once; otherwise a drop from full speed: drag brakes it faster, dropout recovers the
+Confused with: quadratic drag and a speed limit, which slow the robot down instead of its counts. An
+outside pose shows which; otherwise a drop from full speed: drag brakes it faster, dropout recovers the
 lost counts.
 """
 
@@ -19,8 +19,8 @@ from __future__ import annotations
 
 import math
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter, per_wheel
 
 
@@ -49,7 +49,7 @@ EFFECT = Effect(
     title="encoder counts lost at speed",
     equation="reported speed = v (1 - d (|v| / v_top)^n)",
     source="Petrella et al. 2007, ACEMP, on the limits of counting",
-    looks_like="measured speeds bend down towards the top; the robot goes farther than its counts say",
+    signature="measured speeds bend down towards the top; the robot goes farther than its counts show",
     separated_by={
         "quadratic_drag": "an outside pose; or steps down from full speed",
         "speed_limit": "a staircase of effort to the top",

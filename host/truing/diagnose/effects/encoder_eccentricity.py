@@ -6,10 +6,10 @@ A disc that runs off its centre by e reads an angle wrong by e over the track's 
 angle (Doebelin, Measurement Systems, section 4.3 on digital transducers). Phase comes from the counts
 themselves.
 
-In data: the speed swings once per turn by an amount that grows with the speed; the robot's true motion
+In data: the speed oscillates once per turn by an amount that grows with the speed; the robot's true motion
 does not.
 
-Easily taken for: torque ripple of N = 1, whose swing fades with speed while this one grows. The same
+Confused with: torque ripple of N = 1, whose amplitude falls with speed while this one grows. The same
 distance at several speeds separates them. `per_run` is 1 where every run begins at the same wheel angle,
 and 0 where the wheel stays as the last run left it.
 """
@@ -21,8 +21,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -77,7 +77,7 @@ def _exercised(data: SetData) -> float:
     turned = np.zeros(len(data))
     turned[1:] = np.abs(np.diff(data.angle_rad, axis=0)).max(axis=1)
     turned[data.first] = 0.0
-    turned[turned > 2.0] = 0.0  # more than a third of a turn per sample: the swing is averaged away
+    turned[turned > 2.0] = 0.0  # more than a third of a turn per sample: the error is averaged out
     return exercise.enough(float(turned.sum()) / (2.0 * math.pi), 4.0)
 
 
@@ -86,9 +86,9 @@ EFFECT = Effect(
     title="an eccentric encoder",
     equation="measured angle = true angle + a sin φ + b cos φ",
     source="Doebelin, Measurement Systems, section 4.3",
-    looks_like="the speed swings once per turn of the wheel, the more the faster it turns",
+    signature="the speed oscillates once per turn of the wheel, the more the faster it turns",
     separated_by={
-        "torque_ripple": "the same distance at several speeds: eccentricity grows with speed, ripple fades",
+        "torque_ripple": "the same distance at several speeds: eccentricity grows with speed, ripple falls",
         "gear_backlash": "creep in one direction, without reversals",
     },
     parameters=(

@@ -1,23 +1,23 @@
-"""One encoder's counts per revolution are not what the baseline says.
+"""One encoder's counts per revolution are not those of the baseline.
 
     reported travel = factor * travel
 
-A four-fold decoder set to two, a worn coupling, one channel dead: whole factors and odd ones occur (one
-of the real recordings here reads 34 to 67 % of the other side). With encoders and efforts alone a scale
-cannot be told from a gain, whatever the run: it takes an outside pose or yaw rate, or a baseline whose
+A four-fold decoder set to two, a worn coupling, one channel dead: whole factors and odd ones occur (one of
+the real recordings here reads 34 to 67 % of the other side). With encoders and efforts alone a scale is not
+distinguishable from a gain, whatever the run: that takes an outside pose or yaw rate, or a baseline whose
 two sides must be equal.
 
 In data: all speeds of one wheel off by one factor; an outside pose says that the robot went elsewhere
 than its encoders claim.
 
-Easily taken for: side asymmetry and wheel radius. An outside pose separates it from a weak side; nothing
-but a ruler separates counts from radius.
+Confused with: side asymmetry and wheel radius. An outside pose separates it from a weak side; only
+a direct measurement separates counts from radius.
 """
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, per_wheel
 
 
@@ -41,10 +41,10 @@ EFFECT = Effect(
     title="an encoder's counts per revolution are wrong",
     equation="reported travel = factor * travel",
     source="Borenstein and Feng 1996, IEEE Trans. Robotics and Automation 12, section II",
-    looks_like="all speeds of one wheel are off by one factor, and the pose disagrees with the encoders",
+    signature="all speeds of one wheel are off by one factor, and the pose disagrees with the encoders",
     separated_by={
         "side_asymmetry": "an outside pose or yaw rate",
-        "wheel_radius_error": "a ruler: wheel radius and counts per revolution, measured by hand",
+        "wheel_radius_error": "a direct measurement of wheel radius and counts per revolution",
         "encoder_dropout": "a staircase of speeds",
     },
     parameters=per_wheel("", "1", 0.2, 5.0, 1.0, (0.9, 1.1)),

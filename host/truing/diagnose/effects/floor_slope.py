@@ -9,8 +9,8 @@ two components slope·cos(uphill) and slope·sin(uphill), in which it is linear.
 In data: the same efforts give less speed on one heading and more on the opposite one; at rest nothing,
 while friction holds; a robot that turns on the spot sways once per turn.
 
-Easily taken for: direction asymmetry (29 %), when forward always meant uphill; an offset on one heading.
-The same path after a half turn separates them. On one heading alone it cannot be told from an offset in
+Confused with: direction asymmetry (29 %), when forward always meant uphill; an offset on one heading. The
+same path after a half turn separates them. On one heading alone it is not distinguishable from an offset in
 the driver.
 """
 
@@ -21,7 +21,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from truing.diagnose.data import GRAVITY, SetData
+from truing.diagnose.data.set_data import GRAVITY, SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -59,7 +59,7 @@ EFFECT = Effect(
     title="the floor slopes",
     equation="dv/dt - g sin(slope) cos(heading - uphill heading)",
     source="Wong, Theory of Ground Vehicles, section 3.1",
-    looks_like="the same efforts give less speed on one heading and more on the opposite one",
+    signature="the same efforts give less speed on one heading and more on the opposite one",
     separated_by={
         "direction_asymmetry": "the same path after a half turn",
         "supply_sag": "the same path after a half turn",

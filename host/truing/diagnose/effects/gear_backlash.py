@@ -12,14 +12,14 @@ In data: after a reversal or a start the encoder leaps ahead for a few hundredth
 the motor crosses the gap alone, then falls back as it picks the wheel up; a step in the direction of the
 last motion shows nothing. The leap's travel is the gap.
 
-Easily taken for: a delay or lag (65 %), which appears at every step; encoder noise. A reversal step
+Confused with: a delay or lag (65 %), which appears at every step; encoder noise. A reversal step
 against a step in the same direction, logged fast, separates them.
 """
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter, per_wheel
 
 
@@ -42,7 +42,7 @@ EFFECT = Effect(
     title="backlash in the gears",
     equation="no torque between motor side and wheel inside the gap; contact without bounce",
     source="Nordin and Gutman 2002, Automatica 38, section 2",
-    looks_like="the encoder leaps ahead after a reversal, then falls back; nothing at other steps",
+    signature="the encoder leaps ahead after a reversal, then falls back; nothing at other steps",
     separated_by={
         "input_delay": "a reversal step against a step in the same direction",
         "driver_lag": "a reversal step against a step in the same direction",

@@ -10,15 +10,15 @@ camber: the robot always turns left); `signed` is 1 or 0, a nuisance.
 In data: straight runs end aside of their line by an angle that grows with the distance; turns on the spot
 are right.
 
-Easily taken for: unequal wheel radii, which turn back on the way back. A straight run there and back
+Confused with: unequal wheel radii, which turn back on the way back. A straight run there and back
 separates the two unless the drift is signed: then they are one thing. Where only end points or the
 board's odometry exist, the reference is what was commanded: simulate the wheels too.
 """
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -44,7 +44,7 @@ EFFECT = Effect(
     title="the heading drifts with distance",
     equation="heading change + d * distance; distance * (1 + k)",
     source="the MOM Simulator View paper, section 4.2",
-    looks_like="straight runs end aside by an angle that grows with distance; turns on the spot are right",
+    signature="straight runs end aside by an angle that grows with distance; turns on the spot are right",
     separated_by={
         "wheel_radius_error": "a straight run there and back",
         "wheelbase_error": "turns on the spot: drift needs distance",

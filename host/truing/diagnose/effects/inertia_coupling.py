@@ -11,15 +11,15 @@ out, positive for a compact one.
 In data: starting one wheel alone kicks the other; a straight start is quicker (or slower) than a turn on
 the spot at the same efforts; steady speeds are right.
 
-Easily taken for: turning scrub, which also holds at steady speed; supply sag, which also couples the
+Confused with: turning scrub, which also holds at steady speed; supply sag, which also couples the
 wheels but slows both. A step of one wheel while the other coasts separates them; straight runs alone
 cannot show it.
 """
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -40,7 +40,7 @@ EFFECT = Effect(
     title="the wheels are coupled through the chassis",
     equation="dv_left/dt = α_left + c α_right, and the other way round",
     source="Campion, Bastin and D'Andréa-Novel 1996, IEEE Trans. Robotics and Automation 12, section V",
-    looks_like="starting one wheel kicks the other; straight starts and turns differ in quickness",
+    signature="starting one wheel kicks the other; straight starts and turns differ in quickness",
     separated_by={
         "turning_scrub": "a long turn at a steady speed: scrub stays, coupling is gone",
         "supply_sag": "steps of one wheel in both directions while the other coasts",

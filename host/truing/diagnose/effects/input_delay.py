@@ -9,7 +9,7 @@ result is a smooth function of D between the log's samples.
 In data: the first sample after a step shows too little motion and the curve then runs parallel; the error
 is a spike at every change of effort, of the same sign as the change, and nothing in between.
 
-Easily taken for: a driver's lag, which rounds the corner instead of moving it (87 to 90 % shared at 20
+Confused with: a driver's lag, which rounds the corner instead of moving it (87 to 90 % shared at 20
 Hz); a recorder's filter; backlash, whose spike appears on reversals alone. From encoders and efforts
 alone an actuator's delay and a measuring delay are one thing. A chirp up to a few hertz, or one step
 logged at 100 Hz or more, separates delay from lag.
@@ -17,8 +17,8 @@ logged at 100 Hz or more, separates delay from lag.
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -36,7 +36,7 @@ EFFECT = Effect(
     title="a delay between command and torque",
     equation="u(t) = command(t - D)",
     source="Åström and Murray, Feedback Systems, section 9.2",
-    looks_like="a spike of error at every change of effort, the curve shifted in time",
+    signature="a spike of error at every change of effort, the curve shifted in time",
     separated_by={
         "driver_lag": "a chirp to 4-8 Hz, or a step logged at 100-200 Hz",
         "speed_filter": "a log with counts beside the recorder's speed",

@@ -9,14 +9,14 @@ from the set's first row, runs one right after the other.
 In data: from one moment on every start and stop is slower (or quicker) by the same share; steady speeds
 are as before.
 
-Easily taken for: winding heating, which comes slowly and takes steady speed as well; a wrong time
+Confused with: winding heating, which comes slowly and takes steady speed as well; a wrong time
 constant, which is there from the start. The first run repeated as the last one separates it from both.
 """
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -26,7 +26,13 @@ def inertia(time_constant_ratio: float, at: float, elapsed: float) -> float:
 
 
 def _exercised(data: SetData) -> float:
-    return min(exercise.enough(exercise.effort_steps(data), 8.0), exercise.enough(data.duration_s, 20.0))
+    """Another time constant shows in transients alone: there must be some before a change and after it."""
+    at_s = data.elapsed_s[exercise.effort_step_rows(data)]
+    early = int((at_s < 0.5 * data.duration_s).sum())
+    fewer = min(early, len(at_s) - early)
+    return min(
+        exercise.enough(len(at_s), 8.0), exercise.enough(fewer, 2.0), exercise.enough(data.duration_s, 20.0)
+    )
 
 
 EFFECT = Effect(
@@ -34,7 +40,7 @@ EFFECT = Effect(
     title="the load changes during the set",
     equation="T after = r T before",
     source="Franklin, Powell and Emami-Naeini, Feedback Control of Dynamic Systems, section 2.1",
-    looks_like="from one moment on every start and stop is slower by the same share; steady speeds stay",
+    signature="from one moment on every start and stop is slower by the same share; steady speeds stay",
     separated_by={
         "winding_heating": "load, rest, repeat: a load stays, heat goes",
         "supply_sag": "the first run repeated as the last: a load leaves steady speeds alone",

@@ -9,15 +9,15 @@ m/s.
 In data: speeds fall short of the straight line more and more towards the top, smoothly; coming down from
 high speed is quicker than going up would suggest; slow driving shows nothing of it.
 
-Easily taken for: a speed limit (which is flat above a level, drag bends), supply sag (which depends on load
+Confused with: a speed limit (which is flat above a level, drag bends), supply sag (which depends on load
 and couples both wheels), Coulomb friction when few speeds were driven. A staircase over the whole range of
 effort separates them.
 """
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, per_wheel
 
 
@@ -36,7 +36,7 @@ EFFECT = Effect(
     title="drag that grows with speed squared",
     equation="T dv/dt = g (u - c v |v|) - v",
     source="Hoerner 1965, Fluid-Dynamic Drag, chapter 1",
-    looks_like="speeds fall short more and more towards the top, smoothly",
+    signature="speeds fall short more and more towards the top, smoothly",
     separated_by={
         "speed_limit": "a staircase of effort to the top: a limit is flat above a level",
         "supply_sag": "one wheel alone against both wheels at the same effort",

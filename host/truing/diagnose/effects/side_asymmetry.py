@@ -8,7 +8,7 @@ this effect unties them.
 
 In data: the robot pulls to one side at equal efforts; every level of one wheel is off by the same share.
 
-Easily taken for: an encoder's scale, which nothing but an outside pose can tell from a gain; dry friction
+Confused with: an encoder's scale, which only an outside pose distinguishes from a gain; dry friction
 of one side, which takes the same amount off every level instead of the same share; direction asymmetry
 when the wheels run in opposite directions. Levels of both wheels in both directions separate the last
 two.
@@ -18,8 +18,8 @@ from __future__ import annotations
 
 import math
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -35,8 +35,8 @@ def inertia(time_constant_ratio: float, wheel: int) -> float:
 
 def _exercised(data: SetData) -> float:
     moving = exercise.moving(data)
-    least = min(exercise.seconds(data, moving[:, w]) for w in (0, 1))
-    return exercise.enough(least, 4.0)
+    shorter = min(exercise.seconds(data, moving[:, w]) for w in (0, 1))
+    return exercise.enough(shorter, 4.0)
 
 
 EFFECT = Effect(
@@ -44,7 +44,7 @@ EFFECT = Effect(
     title="the two sides differ",
     equation="g_left / g_right = r_g, T_left / T_right = r_T",
     source="Borenstein and Feng 1996, IEEE Trans. Robotics and Automation 12, on unequal drives",
-    looks_like="the robot pulls to one side at equal efforts; one wheel is off by the same share everywhere",
+    signature="the robot pulls to one side at equal efforts; one wheel is off by the same share everywhere",
     separated_by={
         "encoder_scale": "an outside pose: a scaled encoder misreports the turn, a weak side really turns",
         "coulomb_friction": "a staircase: friction takes one amount off every level, a gain one share",

@@ -2,7 +2,7 @@
 
     L dy/dt = v - y;  the row holds y at its time, or the mean of y over its interval
 
-The robot is as the baseline says; the *signal* differs. Motor controllers average their speed over 50 to
+The robot is as in the baseline; the *signal* differs. Motor controllers average their speed over 50 to
 200 ms (measured on real recordings: 60 ms on one family, 160 to 200 ms on another); a first-order lag
 stands for it. Only where the judged speed is a recorder's own column can this be: counts and positions
 have no filter. Where positions are logged as well, `direct_lag` compares the two without any model of the
@@ -11,8 +11,8 @@ robot.
 In data: the reported speed sets off late and with a rounded corner, on the way up and down alike, also
 when the robot is pushed.
 
-Easily taken for: driver lag (the same curve) and delay; positions beside the speeds, or a hand-pushed
-run, tell.
+Confused with: driver lag (the same curve) and delay; positions beside the speeds, or a hand-pushed
+run, distinguish them.
 """
 
 from __future__ import annotations
@@ -23,13 +23,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from truing.diagnose import exercise
-from truing.diagnose.data import FloatArray, SetData
+from truing.arrays import FloatArray
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 # Speeds lag positions when the lag leaves less than this share of their difference.
 CLEARLY = 0.6
-# Neighbouring rows say the same: as many rows count as one independent sample.
+# Neighbouring rows are correlated: as many rows count as one independent sample.
 ROWS_PER_SAMPLE = 10.0
 
 
@@ -84,7 +85,7 @@ def direct_lag(data: SetData) -> DirectLag | None:
 
     def left(filtered: FloatArray) -> float:
         difference = (reported - filtered)[data.judged]
-        # Recorders repeat and reset positions: the middle of the differences counts, not the spikes.
+        # Recorders repeat and reset positions: a robust estimate, against these outliers.
         return float(1.4826 * np.median(np.abs(difference[np.abs(positions[data.judged]) > 0.0])))
 
     if not np.any(positions[data.judged]):
@@ -111,15 +112,15 @@ def _filtered(speed: FloatArray, data: SetData, lag: float) -> tuple[FloatArray,
     return mean, instant
 
 
-def told_apart(data: SetData) -> bool:
-    """Whether the recorder's speeds lag its own counts or positions, beyond what noise would make."""
+def lag_is_significant(data: SetData) -> bool:
+    """Whether the recorder's speeds lag its own counts or positions significantly."""
     lag = direct_lag(data)
     return lag is not None and lag.time_constant_s > 0.0 and lag.rms_mps < CLEARLY * lag.rms_without_mps
 
 
 def _evidence(data: SetData) -> float:
     lag = direct_lag(data)
-    if lag is None or not told_apart(data):
+    if lag is None or not lag_is_significant(data):
         return 0.0
     moving = np.count_nonzero(data.judged) / ROWS_PER_SAMPLE
     return float(moving * math.log(lag.rms_without_mps / max(lag.rms_mps, 1e-3 * lag.rms_without_mps)))
@@ -134,7 +135,7 @@ EFFECT = Effect(
     title="a filter in the recorder's speed",
     equation="L dy/dt = v - y",
     source="measured on real drivetrain recordings: reported speed lags differenced position by 60-200 ms",
-    looks_like="reported speed sets off late with a rounded corner, up and down alike",
+    signature="reported speed sets off late with a rounded corner, up and down alike",
     separated_by={
         "driver_lag": "a log with counts beside the recorder's speed, or a hand-pushed run",
         "input_delay": "a log with counts beside the recorder's speed",

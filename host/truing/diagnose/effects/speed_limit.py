@@ -9,14 +9,14 @@ as an event.
 In data: the staircase of steady speeds is flat above a level; on the way up nothing is missing until the
 limit, and on the way down the wheel leaves it late.
 
-Easily taken for: quadratic drag (57 % on a full staircase, 5 % on ordinary driving), which bends instead of
+Confused with: quadratic drag (57 % on a full staircase, 5 % on ordinary driving), which bends instead of
 breaking off; supply sag. A staircase of effort to the top separates them.
 """
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -34,7 +34,7 @@ EFFECT = Effect(
     title="a speed limit",
     equation="|v| <= limit",
     source="Åström and Hägglund, Advanced PID Control, section 3.5",
-    looks_like="the staircase of speeds is flat above a level",
+    signature="the staircase of speeds is flat above a level",
     separated_by={
         "quadratic_drag": "a staircase of effort to the top: drag bends, a limit is flat",
         "supply_sag": "a staircase of effort to the top, one wheel at a time",

@@ -8,11 +8,11 @@ sliding of their bristle model. At rest the wheel holds against F_break.
 
 In data: a wheel that is brought up slowly does not move, then jumps to a speed that it would not have
 started at; coming down the same ramp it runs on below its starting effort; creeping is jerky. At higher
-speeds it cannot be told from Coulomb friction of F_run.
+speeds it is not distinguishable from Coulomb friction of F_run.
 
-Easily taken for: Coulomb friction (94 % of it, on plans of steps), torque ripple at creeping speed, a dead
+Confused with: Coulomb friction (94 % of it, on plans of steps), torque ripple at creeping speed, a dead
 band in the driver. Slow ramps through zero with many breakaways separate them. The speed v_s over which the
-excess fades is a nuisance: below the resolution of the log it has no say.
+excess fades is a nuisance: below the resolution of the log it has no effect.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter, per_wheel
 
 
@@ -58,7 +58,7 @@ EFFECT = Effect(
     title="breakaway (Stribeck) friction",
     equation="F(v) = F_run + (F_break - F_run) exp(-(v / v_s)^2)",
     source="Stribeck 1902; Canudas de Wit et al. 1995, IEEE TAC 40, equation 5",
-    looks_like="the wheel sticks, then jumps; it runs on below the effort that started it",
+    signature="the wheel sticks, then jumps; it runs on below the effort that started it",
     separated_by={
         "coulomb_friction": "slow ramps of effort through zero, several breakaways",
         "driver_deadband": "slow ramps of effort up and down: friction keeps running on the way down",

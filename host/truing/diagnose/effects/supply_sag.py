@@ -12,15 +12,16 @@ there (e = 1), one that is held back by friction in its bearings and gears does.
 In data: strong accelerations fall short while steady speeds hold; one wheel slows down when the other is
 loaded; the same effort gives less speed at the end of the set than at its start.
 
-Easily taken for: winding heating (the loss recovers in a pause; charge does not), quadratic drag (which
+Confused with: winding heating (the loss recovers in a pause; charge does not), quadratic drag (which
 does not couple the wheels), a current limit. One wheel alone against both at the same effort separates
 sag from all of these; so does the logged voltage.
 """
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
-from truing.diagnose.data import FloatArray, SetData
+from truing.arrays import FloatArray
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -61,7 +62,7 @@ EFFECT = Effect(
     title="supply sag under load and discharge",
     equation="V = 1 - a L - b Q; L the load current over stall current, Q the share of the charge drawn",
     source="Linden, Handbook of Batteries, section 3.2; Mohan et al., Power Electronics, section 7.7",
-    looks_like="strong accelerations fall short, one wheel slows as the other is loaded, speeds fall in time",
+    signature="strong accelerations fall short, one wheel slows as the other is loaded, speeds fall in time",
     separated_by={
         "winding_heating": "load, rest, repeat: heat recovers, charge does not; or the logged voltage",
         "quadratic_drag": "one wheel alone against both wheels at the same effort",

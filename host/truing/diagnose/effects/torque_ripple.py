@@ -11,9 +11,9 @@ and the ripple's mean over each substep is taken exactly.
 In data: at creeping speed the wheel surges and hangs at the same angles in every turn; at speed the wheel's
 inertia smooths it away.
 
-Easily taken for: Stribeck friction (56 %); an eccentric encoder, which swings as much at speed as at
-creep. Slow creep over several turns, and the same distance at several speeds, separates them. Ripple
-whose frequency lies above half of the log's rate aliases: its N cannot be told then. `per_run` is 1 where
+Confused with: Stribeck friction (56 %); an eccentric encoder, which oscillates as much at speed as at
+creep. Slow creep over several turns, and the same distance at several speeds, separates them. Ripple whose
+frequency lies above half of the log's rate aliases: its N is then not identifiable. `per_run` is 1 where
 every run begins at the same wheel angle, and 0 where the wheel stays as the last run left it.
 """
 
@@ -22,8 +22,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -71,10 +71,10 @@ EFFECT = Effect(
     title="torque ripple (cogging)",
     equation="effort + a sin N φ + b cos N φ, φ the measured wheel angle",
     source="Holtz and Springob 1996, IEEE Trans. Industrial Electronics 43",
-    looks_like="surges at the same wheel angles in every turn, at creeping speed above all",
+    signature="surges at the same wheel angles in every turn, at creeping speed above all",
     separated_by={
         "stribeck_friction": "slow creep over several turns of the wheel",
-        "encoder_eccentricity": "the same distance at several speeds: ripple fades, eccentricity does not",
+        "encoder_eccentricity": "the same distance at several speeds: ripple falls, eccentricity does not",
         "gear_backlash": "creep in one direction, without reversals",
     },
     parameters=(

@@ -10,15 +10,18 @@ wheels of equal speed stay locked together until their efforts differ by more th
 In data: turning on the spot and pivoting need more effort than driving straight; straight runs are right; a
 wheel that is not driven is dragged along by the other before it turns against it.
 
-Easily taken for: Coulomb friction, when only turns were driven; coupling of the inertias, which acts on
+Confused with: Coulomb friction, when only turns were driven; coupling of the inertias, which acts on
 acceleration alone. A straight run against a turn on the spot at the same effort separates them.
 """
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
+
+# Wheels whose speeds differ by less than this share of full speed drive straight.
+STRAIGHT_SHARE = 0.035
 
 
 def scrub(scrub: float) -> float:
@@ -27,8 +30,9 @@ def scrub(scrub: float) -> float:
 
 
 def _exercised(data: SetData) -> float:
+    difference = abs(data.speed_mps[:, 1] - data.speed_mps[:, 0])
     straight = exercise.seconds(
-        data, exercise.moving(data).all(axis=1) & (abs(data.speed_mps[:, 1] - data.speed_mps[:, 0]) < 0.05)
+        data, exercise.moving(data).all(axis=1) & (difference < STRAIGHT_SHARE * data.top_mps)
     )
     return exercise.enough(exercise.turns(data), 4.0) * min(1.0, 0.5 + 0.25 * straight)
 
@@ -38,7 +42,7 @@ EFFECT = Effect(
     title="scrub of tyres and casters in turns",
     equation="wheel efforts -S and +S times sign(v_left - v_right); locked together below that",
     source="Wong, Theory of Ground Vehicles, section 6.2",
-    looks_like="turning needs more effort than driving straight at the same wheel speeds",
+    signature="turning needs more effort than driving straight at the same wheel speeds",
     separated_by={
         "coulomb_friction": "a straight run against a turn on the spot at the same efforts",
         "inertia_coupling": "a long turn at a steady speed",

@@ -9,15 +9,15 @@ and Automation 12, section II): equal factors scale the distance, unequal ones b
 In data: distances off by one share; a straight run bends by the same angle per metre, forwards and
 backwards along the same arc.
 
-Easily taken for: wheelbase error (which shows in turns only), heading drift (which does not reverse with
-the direction of travel), an encoder's scale (which nothing but a ruler tells from a radius). A straight
-run there and back, and turns on the spot both ways, separate the first two.
+Confused with: wheelbase error (which shows in turns only), heading drift (which does not reverse with the
+direction of travel), an encoder's scale (which only a direct measurement separates from a radius). A
+straight run there and back, and turns on the spot both ways, separate the first two.
 """
 
 from __future__ import annotations
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, per_wheel
 
 
@@ -37,11 +37,11 @@ EFFECT = Effect(
     title="effective wheel radii differ",
     equation="travel over ground = factor * measured travel",
     source="Borenstein and Feng 1996, IEEE Trans. Robotics and Automation 12, section II",
-    looks_like="distances off by one share; straight runs bend, forwards and backwards along one arc",
+    signature="distances off by one share; straight runs bend, forwards and backwards along one arc",
     separated_by={
         "wheelbase_error": "straight runs and turns on the spot both ways",
         "heading_drift": "a straight run there and back",
-        "encoder_scale": "a ruler: wheel radius and counts per revolution, measured by hand",
+        "encoder_scale": "a direct measurement of wheel radius and counts per revolution",
         "wheel_slip": "gentle and hard starts over the same distance",
     },
     parameters=per_wheel("", "1", 0.5, 2.0, 1.0, (0.97, 1.05)),

@@ -12,14 +12,14 @@ In data: after a large step the wheel's speed rises faster than the robot's mass
 it; the pose falls behind the wheels' travel at hard starts and overshoots at hard stops; gentle driving
 shows nothing.
 
-Easily taken for: a shorter time constant (gentle and hard steps tell), wheel radius error (which shows at
-every speed), current limit (which slows the wheel instead). Full-effort reversals with an outside pose
-separate them.
+Confused with: a shorter time constant (gentle and hard steps distinguish them), wheel radius error (which
+shows at every speed), current limit (which slows the wheel instead). Full-effort reversals with an outside
+pose separate them.
 """
 
 from __future__ import annotations
 
-from truing.diagnose.data import GRAVITY, SetData
+from truing.diagnose.data.set_data import GRAVITY, SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -43,7 +43,7 @@ EFFECT = Effect(
     title="the wheels slip",
     equation="|dv/dt| of the robot <= μ g; beyond that the wheel turns on its own",
     source="Wong, Theory of Ground Vehicles, section 1.2",
-    looks_like="the wheel shoots ahead after hard steps, then waits; the pose falls behind its travel there",
+    signature="the wheel shoots ahead after hard steps, then waits; the pose falls behind its travel there",
     separated_by={
         "current_limit": "a full-effort reversal with an outside pose",
         "wheel_radius_error": "gentle and hard starts over the same distance with an outside pose",

@@ -4,11 +4,11 @@
 
 The second systematic error of odometry in Borenstein and Feng (1996, "Measurement and correction of
 systematic odometry errors in mobile robots", IEEE Trans. Robotics and Automation 12, section II): tyres
-touch the floor over an area, and where in it they turn is not what a ruler measures.
+touch the floor over an area, and where in it they turn differs from the geometric wheelbase.
 
 In data: every turn is off by the same share, left and right alike; straight runs are right.
 
-Easily taken for: wheel radius error of both wheels together (which also scales straight runs). Turns on
+Confused with: wheel radius error of both wheels together (which also scales straight runs). Turns on
 the spot and a straight run of known length separate them.
 """
 
@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from truing.diagnose import exercise
-from truing.diagnose.data import SetData
+from truing.diagnose.data import exercise
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -39,7 +39,7 @@ EFFECT = Effect(
     title="the effective wheelbase differs",
     equation="heading change = (right - left) / (factor * wheelbase)",
     source="Borenstein and Feng 1996, IEEE Trans. Robotics and Automation 12, section II",
-    looks_like="every turn is off by the same share; straight runs are right",
+    signature="every turn is off by the same share; straight runs are right",
     separated_by={
         "wheel_radius_error": "turns on the spot and a straight run of known length",
         "heading_drift": "turns on the spot: drift needs distance",

@@ -4,7 +4,7 @@
 
 The first-order thermal circuit of a motor (Hughes and Drury, Electric Motors and Drives, section 1.7; IEC
 60034-1 duty S3): copper loss i^2 R heats one capacity that loses its heat through one resistance. A warmer
-winding gives less torque for a voltage, so that every load costs more speed; the catalogue speaks of the
+winding gives less torque for a voltage, so that every load costs more speed; the catalogue reports the
 loss of gain, `gain_drop`, from the first sample to the warmest. The time constant may rise with the
 resistance too (a motor whose losses are mostly outside the winding keeps its gain and gets slower instead):
 `slowing` is that rise per loss of gain, a nuisance.
@@ -12,7 +12,7 @@ resistance too (a motor whose losses are mostly outside the winding keeps its ga
 In data: the same level gives less speed the later it comes in a busy stretch, and recovers after a rest;
 each wheel by its own load.
 
-Easily taken for: discharge of the battery (85 to 93 %): only a rest tells, for heat recovers and charge
+Confused with: discharge of the battery (85 to 93 %): only a rest distinguishes them: heat recovers and charge
 does not. Load, rest, repeat; or log the voltage.
 """
 
@@ -20,7 +20,8 @@ from __future__ import annotations
 
 import math
 
-from truing.diagnose.data import FloatArray, SetData
+from truing.arrays import FloatArray
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
@@ -63,7 +64,7 @@ EFFECT = Effect(
     title="the motor's winding warms up",
     equation="T_th dθ/dt = i^2 - θ; gain falls by d θ / θ_max",
     source="Hughes and Drury, Electric Motors and Drives, section 1.7",
-    looks_like="a level gives less speed the later it comes in a busy stretch, and recovers after a rest",
+    signature="a level gives less speed the later it comes in a busy stretch, and recovers after a rest",
     separated_by={
         "supply_sag": "load, rest, repeat: heat recovers, charge does not; or the logged voltage",
         "payload_change": "load, rest, repeat",

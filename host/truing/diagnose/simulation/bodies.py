@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from truing.diagnose.data import FloatArray
+from truing.diagnose.data.set_data import FloatArray
 from truing.diagnose.simulation.jit import compiled
 from truing.diagnose.simulation.rows import (
     C_END,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from truing.diagnose.data import FloatArray, IntArray
+from truing.diagnose.data.set_data import FloatArray, IntArray
 from truing.diagnose.simulation import stubs as stage
 from truing.diagnose.simulation.jit import cached
 

@@ -10,14 +10,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from truing.baseline import Baseline
 from truing.diagnose.catalogue import CATALOGUE, Catalogue
-from truing.diagnose.data import BoolArray, FloatArray, IntArray, SetData
+from truing.diagnose.data.set_data import BoolArray, FloatArray, IntArray, SetData
 from truing.diagnose.effect import Parameter, Scale
 from truing.diagnose.simulation.assemble import BASELINE_PARAMETERS, kernel_of, parameter_offsets
 from truing.diagnose.simulation.rows import ROWS
 from truing.diagnose.simulation.windows import Windows, pose_windows
 from truing.errors import TruingError
+from truing.recording.baseline import Baseline
 
 # Derivatives: a step of this share of the parameter's own size (or of its weak start).
 DERIVATIVE_SHARE = 1e-4
@@ -61,7 +61,7 @@ class SetSimulator:
     """Simulates every run of a set from its efforts alone.
 
     The vector `theta` holds the baseline's four numbers in m/s and s, then every effect's parameters as
-    multiples of their scale (`Parameter.scale`); `report` turns them into the contract's.
+    multiples of their scale (`Parameter.scale`); `report` turns them into the documented ones.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ class SetSimulator:
         return np.array([name in wanted for name in self.catalogue.names], dtype=bool)
 
     def report(self, effect: str, theta: FloatArray) -> dict[str, float]:
-        """The contract's parameters of one effect, in their units."""
+        """The documented parameters of one effect, in their units."""
         plain = theta * self.layout.scale
         offset = self._offsets[effect]
         parameters = self.catalogue[effect].parameters

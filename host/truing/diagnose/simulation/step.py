@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from truing.diagnose.data import FloatArray
+from truing.diagnose.data.set_data import FloatArray
 from truing.diagnose.simulation import stubs as stage
 from truing.diagnose.simulation.bodies import advance_bodies
 from truing.diagnose.simulation.jit import compiled

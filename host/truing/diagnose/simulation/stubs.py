@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 
-from truing.diagnose.data import FloatArray
+from truing.diagnose.data.set_data import FloatArray
 
 USES_SUPPLY = USES_SCRUB = USES_PUSH = USES_COUPLING = USES_SPEED_LIMIT = USES_TORQUE_LIMIT = 0
 USES_GAP = USES_GRIP = USES_SLOW = USES_AFTER_STEP = USES_ANGLE = USES_HEADING = USES_MEASURE = 0

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from truing.diagnose.catalogue import CATALOGUE, Catalogue
-from truing.diagnose.data import FloatArray, IntArray
+from truing.diagnose.data.set_data import FloatArray, IntArray
 from truing.diagnose.simulation.assemble import BASELINE_PARAMETERS, Kernel, kernel_of
 from truing.diagnose.simulation.rows import ROWS
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truing.diagnose.data import FloatArray, IntArray, SetData
+from truing.diagnose.data.set_data import FloatArray, IntArray, SetData
 
 
 @dataclass(frozen=True, slots=True)

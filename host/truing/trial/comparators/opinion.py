@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from truing.diagnose.data import SetData
+from truing.diagnose.data.set_data import SetData
 
 FloatArray = npt.NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from truing.diagnose.data import SetData
+from truing.diagnose.data.set_data import SetData
 from truing.trial.comparators.opinion import FloatArray, Opinion, slopes
 
 _THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from truing.diagnose.data import SetData
+from truing.diagnose.data.set_data import SetData
 from truing.trial.comparators.opinion import Opinion, slopes
 
 SIDES = ("left", "right")

@@ -1,4 +1,4 @@
-"""Analysis: a run's signals, their statistics and steps; a diagnosis of its set, and the next experiment."""
+"""Analysis: signals of a run with statistics and step metrics; diagnosis of its set; next experiment."""
 
 from __future__ import annotations
 
@@ -10,16 +10,27 @@ from nicegui import background_tasks, context, events, ui
 
 from truing.errors import TruingError
 from truing.plan import load_plan
-from truing.web.analysis_view import STATISTICS_HEAD, STEPS_HEAD, USUAL
-from truing.web.board_worker import RunOrder
-from truing.web.elements import Chart, Choice, PlainTable, Toggle, button, heading, number, say, tag
-from truing.web.figures import nothing
+from truing.web.pages.components import Chart
+from truing.web.pages.elements import (
+    Choice,
+    PlainTable,
+    Toggle,
+    button,
+    heading,
+    notify,
+    number,
+    set_text,
+    tag,
+)
 from truing.web.pages.live import task_panel
 from truing.web.pages.run_choice import NO_RUNS, RunChoice
 from truing.web.session import ViewSession
+from truing.web.views.analysis import STATISTICS_HEAD, STEPS_HEAD, USUAL
+from truing.web.views.figures import empty_figure
+from truing.web.worker.state import RunRequest
 
 _VIEWS = {"signals": "Signals", "mismatch": "Mismatch"}
-_DRAGS = {"zoom": "Drag zooms", "select": "Drag selects"}
+_DRAGS = {"zoom": "Zoom", "select": "Select"}
 _STAGES = {
     "none": "",
     "running": "diagnosing",
@@ -35,12 +46,12 @@ def build(session: ViewSession) -> None:
 
 
 class _AnalysisPage:
-    """One run's signals, and its set's diagnosis."""
+    """Signals of one run, and the diagnosis of its set."""
 
     def __init__(self, session: ViewSession) -> None:
         self.session = session
         self.client = context.client
-        self.wanted = list(USUAL)
+        self.selected = list(USUAL)
         self.known: list[str] = []
         self.view = "signals"
         self.signals: dict[str, Any] | None = None
@@ -48,7 +59,7 @@ class _AnalysisPage:
         self.span: tuple[float, float] | None = None
         self.linked = True
         self.select = False
-        self.told_stage = ("", 0.0)
+        self.shown_stage = ("", 0.0)
         self._busy = False
         self._again = False
         self._filling = False
@@ -60,12 +71,12 @@ class _AnalysisPage:
         with tag("div", classes="view broad"):
             with tag("section", classes="stage", aria_label="Graphs"):
                 with tag("div", classes="tools"):
-                    Choice("What is shown", _VIEWS, "signals", self.show_view)
-                    Choice("What dragging does", _DRAGS, "zoom", self.set_drag)
+                    Choice("View", _VIEWS, "signals", self.show_view)
+                    Choice("Drag mode", _DRAGS, "zoom", self.set_drag)
                     Toggle("Link axes", True, self.set_linked)
-                    button("Whole run", self.whole, label="Show the whole run, select nothing")
-                    button("PNG", self.png, label="Save the picture as PNG")
-                    button("CSV", self.csv, label="Save the chosen signals as CSV")
+                    button("Full run", self.show_full_run, label="Show the full run and clear the selection")
+                    button("PNG", self.png, label="Save the figure as PNG")
+                    button("CSV", self.csv, label="Save the selected signals as CSV")
                 self.chart = Chart("Signals against time")
                 self.chart.classes("grows")
                 self.chart.on("plotly_selected", self.dragged, ["range"])
@@ -73,7 +84,7 @@ class _AnalysisPage:
                 with tag("div"):
                     heading("Run")
                     self.runs = RunChoice(session=self.session, on_change=self.chose)
-                    self.told = tag("p", classes="told dim", role="status", style="margin:4px 0 0")
+                    self.status = tag("p", classes="note dim", role="status", style="margin:4px 0 0")
                 with tag("details", classes="more-runs", open="open"):
                     tag("summary", "Signals")
                     self.ticks = tag("div", classes="ticks")
@@ -85,8 +96,8 @@ class _AnalysisPage:
                         self.steps = PlainTable("Metrics of every step")
                 task_panel()
         self.runs.find()
-        self.watch()
-        ui.timer(0.4, self.watch)
+        self.update_progress()
+        ui.timer(0.4, self.update_progress)
 
     def _selection(self) -> None:
         with tag("div"):
@@ -108,34 +119,34 @@ class _AnalysisPage:
             self.bar = tag(
                 "progress", max="1", value="0", aria_label="Progress of the diagnosis", classes="progress"
             )
-            self.stage = tag("p", classes="told dim", role="status", style="margin:4px 0 0")
+            self.stage = tag("p", classes="note dim", role="status", style="margin:4px 0 0")
             self.verdict = tag("div", classes="diagnosis", aria_live="polite")
 
     # ---- the run
 
     def chose(self) -> None:
-        """Another run."""
+        """Show another run."""
         self.span = None
         self.draw()
         self.show_diagnosis()
 
     def set_drag(self, what: str) -> None:
-        """Zoom or select."""
+        """Set whether dragging zooms or selects."""
         self.select = what == "select"
         self.draw()
 
     def set_linked(self, on: bool) -> None:
-        """One time axis, or one for each panel."""
+        """Link the time axes of the panels, or not."""
         self.linked = on
         self.draw()
 
-    def tick(self, name: str, on: bool) -> None:
-        """Draw a signal, or no more."""
-        self.wanted = [one for one in self.wanted if one != name] + ([name] if on else [])
+    def select_signal(self, name: str, on: bool) -> None:
+        """Draw a signal, or remove it."""
+        self.selected = [one for one in self.selected if one != name] + ([name] if on else [])
         self.draw()
 
     def dragged(self, event: events.GenericEventArguments) -> None:
-        """A span was selected with the mouse, in whichever panel."""
+        """A span was selected with the mouse in any panel."""
         found = event.args.get("range") if isinstance(event.args, dict) else None
         for name, ends in (found or {}).items():
             if name.startswith("x") and len(ends) == 2:
@@ -145,7 +156,7 @@ class _AnalysisPage:
                 return
 
     def set_span(self, *, first: float | None = None, last: float | None = None) -> None:
-        """Ends of the selection by keyboard."""
+        """Set the ends of the selection by keyboard."""
         if self._filling:
             return
         ends = self.span or (float(self.first.value), float(self.last.value))
@@ -156,7 +167,7 @@ class _AnalysisPage:
                 self.draw()
 
     def show_span(self) -> None:
-        """Write the selection into its fields."""
+        """Show the selection in its fields."""
         self._fill(*(self.span or (0.0, 0.0)))
 
     def _fill(self, first: float, last: float) -> None:
@@ -164,26 +175,26 @@ class _AnalysisPage:
         self.first.value, self.last.value = round(first, 3), round(last, 3)
         self._filling = False
 
-    def whole(self) -> None:
-        """Select nothing, and show everything."""
+    def show_full_run(self) -> None:
+        """Clear the selection and show the full run."""
         self.span = None
         self.show_span()
         self.chart.run_plot_method("relayout", {"xaxis.autorange": True, "yaxis.autorange": True})
         self.draw()
 
     def png(self) -> None:
-        """Let the browser keep the picture."""
+        """Save the figure in the browser."""
         run = self.runs.run
         self.chart.png("signals" if run is None else run.stem if self.view == "signals" else self.runs.name)
 
     async def csv(self) -> None:
-        """Let the browser keep the numbers."""
+        """Download the selected signals."""
         if self.runs.run is None:
             return
         try:
             found = await self.session.simulation.ask(self._request("csv"))
         except TruingError as error:
-            say(str(error), good=False)
+            notify(str(error), good=False)
             return
         ui.download.content(found["text"], f"{self.runs.run.stem}.csv", "text/csv")
 
@@ -192,14 +203,14 @@ class _AnalysisPage:
         return {
             "kind": kind,
             "run": str(self.runs.run),
-            "signals": self.wanted,
+            "signals": self.selected,
             "span": span,
             "linked": self.linked,
             "select": self.select,
         }
 
     def draw(self) -> None:
-        """Draw soon; many wishes while one is being drawn become one."""
+        """Request a redraw; requests during a redraw are merged into one."""
         self._again = True
         if not self._busy:
             self._busy = True
@@ -212,7 +223,7 @@ class _AnalysisPage:
                 try:
                     found = await self.session.simulation.ask(self._request("analyse"))
                 except TruingError as error:
-                    _write(self.told, str(error))
+                    set_text(self.status, str(error))
                     continue
                 with self.client:
                     self._show(found)
@@ -220,7 +231,7 @@ class _AnalysisPage:
             self._busy = False
 
     def _show(self, found: dict[str, Any]) -> None:
-        _write(self.told, "")
+        set_text(self.status, "")
         self.signals = found["figure"]
         self._show_figure()
         self.statistics.fill(STATISTICS_HEAD, found["statistics"])
@@ -239,11 +250,11 @@ class _AnalysisPage:
                 name = signal["name"]
                 with tag("label", classes="tick"):
                     mark = tag("input", type="checkbox", aria_label=name)
-                    if name in self.wanted:
+                    if name in self.selected:
                         mark._props["checked"] = True
                     mark.on(
                         "change",
-                        lambda event, name=name: self.tick(name, event.args is True),
+                        lambda event, name=name: self.select_signal(name, event.args is True),
                         js_handler="(e) => emit(e.target.checked)",
                     )
                     tag("span", name)
@@ -251,23 +262,23 @@ class _AnalysisPage:
     # ---- the diagnosis
 
     def show_view(self, view: str) -> None:
-        """Signals, or the heat map."""
+        """Show the signals or the heat map."""
         self.view = view
         self._show_figure()
 
     def _show_figure(self) -> None:
-        """One element for both: a hidden plot cannot be resized."""
+        """Update the figure; one element for both views, since a hidden plot cannot be resized."""
         figure = self.signals if self.view == "signals" else self.heat
         if figure is None or not figure["data"]:
-            figure = nothing(self._why_empty())
+            figure = empty_figure(self._why_empty())
         self.chart.update_figure(figure)
 
     def _why_empty(self) -> str:
         if self.runs.run is None:
             return NO_RUNS
         if self.view == "mismatch":
-            return "no diagnosis of this set yet: start one at the right"
-        return "reading …" if self.signals is None else "choose signals at the right"
+            return "this set has not been diagnosed yet: start a diagnosis on the right"
+        return "loading …" if self.signals is None else "select signals on the right"
 
     def diagnose(self) -> None:
         """Start a diagnosis of the set."""
@@ -277,31 +288,31 @@ class _AnalysisPage:
         try:
             self.session.diagnosis.start(home.path, home.name)
         except TruingError as error:
-            say(str(error), good=False)
-        self.watch()
+            notify(str(error), good=False)
+        self.update_progress()
 
-    def watch(self) -> None:
-        """Progress, and the verdict once it is there."""
+    def update_progress(self) -> None:
+        """Update progress, and show the verdict when it is ready."""
         state = self.session.diagnosis.state
-        shown = (state.stage, round(state.share, 3))
-        if shown == self.told_stage:
+        shown = (state.stage, round(state.progress, 3))
+        if shown == self.shown_stage:
             return
-        ended = state.stage == "done" and self.told_stage[0] != "done"
-        self.told_stage = shown
+        ended = state.stage == "done" and self.shown_stage[0] != "done"
+        self.shown_stage = shown
         running = state.stage == "running"
-        self.bar._props["value"] = f"{state.share:.3f}"
+        self.bar._props["value"] = f"{state.progress:.3f}"
         self.bar.update()
         self.bar.set_visibility(running)
         self.cancel.set_visibility(running)
         text = _STAGES[state.stage]
         if running and state.runs is not None:
-            text = f"diagnosing {state.runs.name}: {100.0 * state.share:.0f} %"
-        _write(self.stage, f"{text} {state.problem}".strip())
+            text = f"diagnosing {state.runs.name}: {100.0 * state.progress:.0f} %"
+        set_text(self.stage, f"{text} {state.problem}".strip())
         if ended:
             self.show_diagnosis()
 
     def show_diagnosis(self) -> None:
-        """What is known of the set that is chosen."""
+        """Show the diagnosis of the selected set."""
         self.verdict.clear()
         name = self.runs.name
         result = self.session.diagnosis.result_of(name)
@@ -314,32 +325,32 @@ class _AnalysisPage:
         self._show_figure()
         with self.verdict:
             if content is None:
-                tag("p", "This set has not been diagnosed yet.", "dim told")
+                tag("p", "This set has not been diagnosed yet.", "dim note")
                 return
             tag("p", content["heading"], "verdict")
             for title, lines in content["sections"]:
                 with tag("details", **({"open": "open"} if title == "Verdict" else {})):
                     tag("summary", title)
                     for line in lines:
-                        tag("p", line, "told")
+                        tag("p", line, "note")
             with tag("div", classes="row-tight"):
                 address = f"/diagnoses/{result.with_suffix('.html').name}"
                 tag("a", "Report", "plain-link", href=address, target="_blank", rel="noopener")
-                tag("a", "Try it on sliders", "plain-link", href="/models")
+                tag("a", "Adjust in Error models", "plain-link", href="/models")
                 if content["has_next"]:
-                    button("Drive the next experiment", self.drive_next, strong=True)
+                    button("Run the next experiment", self.run_next, strong=True)
 
-    def drive_next(self) -> None:
-        """Drive the plan that would tell the explanations apart; its run joins the set."""
+    def run_next(self) -> None:
+        """Run the plan that distinguishes the explanations; its run is added to the set."""
         home = self.runs.home
         if home is None:
             return
         plan = self.session.diagnosis.result_of(home.name).with_suffix(".next.toml")
         try:
-            order = RunOrder(load_plan(str(plan)), self._folder_for(home.path), "next")
-            self.session.run(self.client.id, order)
+            request = RunRequest(load_plan(str(plan)), self._folder_for(home.path), "next")
+            self.session.run(self.client.id, request)
         except TruingError as error:
-            say(str(error), good=False)
+            notify(str(error), good=False)
 
     def _folder_for(self, path: Path) -> Path:
         own = self.session.run_folder.parent.resolve()
@@ -347,12 +358,7 @@ class _AnalysisPage:
             self.session.model_folder.parent.resolve()
         ):
             raise TruingError(
-                f"{path.name}: these runs are another robot's, and nothing is added to them",
+                f"{path.name}: these runs are from another robot; nothing is added to them",
                 "diagnose a set that was recorded with this board",
             )
         return path
-
-
-def _write(element: ui.element, text: str) -> None:
-    element._text = text
-    element.update()

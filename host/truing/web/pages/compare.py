@@ -1,4 +1,4 @@
-"""Compare: desired, simulated, simulated with the error model, and real, in one picture and one table."""
+"""Compare: desired, simulated, simulated with the error model, and real, as paths and as a table."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from pathlib import Path
 
 from nicegui import events
 
-from truing.web.dropped_files import ADDRESS
-from truing.web.elements import Choice, DropZone, button, heading, number, say, tag
-from truing.web.error_model import KINDS, Kind
+from truing.web.models.error_model import KINDS, Kind
+from truing.web.pages.components import DropZone
+from truing.web.pages.elements import Choice, button, heading, notify, number, tag
 from truing.web.pages.run_stage import RunStage
 from truing.web.pose import Pose
+from truing.web.runs.dropped_files import ADDRESS
 from truing.web.session import ViewSession
 
 
@@ -35,7 +36,7 @@ class _ComparePage:
                 with tag("div"):
                     heading("Run")
                     self.stage.choice()
-                    self.stage.beside()
+                    self.stage.other_runs()
                     zone = DropZone(
                         "Drop runs here (CSV, JSON, baseline.toml), or choose files",
                         ".csv,.json,.toml",
@@ -46,7 +47,7 @@ class _ComparePage:
                     heading("Error model")
                     kinds = {str(kind): text for kind, text in KINDS.items()}
                     Choice("Error model", kinds, self.session.model.kind, self.choose_model)
-                    self.source = tag("p", self.session.model.source, "dim told", style="margin:4px 0 0")
+                    self.source = tag("p", self.session.model.source, "dim note", style="margin:4px 0 0")
                 with tag("div"):
                     self.stage.table()
                 self._start()
@@ -60,12 +61,12 @@ class _ComparePage:
                 number("y, m", start.y_m, lambda v: self.set_start(y=v), low=-50, high=50, step=0.1)
                 degrees = round(math.degrees(start.theta_rad), 3)
                 number("heading, °", degrees, lambda v: self.set_start(theta=v), low=-360, high=360, step=5)
-                button("Look again", self.stage.find, label="Look for new runs on disk")
+                button("Rescan", self.stage.find, label="Search the disk for new runs")
 
     def set_start(
         self, *, x: float | None = None, y: float | None = None, theta: float | None = None
     ) -> None:
-        """Where all of them begin."""
+        """The common start pose."""
         start = self.session.comparison_start
         self.session.comparison_start = Pose(
             start.x_m if x is None else x,
@@ -75,21 +76,21 @@ class _ComparePage:
         self.stage.draw()
 
     def choose_model(self, kind: str) -> None:
-        """None, the paper's, or what was found."""
+        """Select the error model."""
         if kind == "found" and not self.session.model.effects and not self.session.model.numbers:
-            say("nothing was found yet: choose a diagnosis under Error models", good=False)
+            notify("no diagnosed model yet: choose a diagnosis under Error models", good=False)
         known: dict[str, Kind] = {str(kind): kind for kind in KINDS}
         self.session.set_model(kind=known[kind])
         self.stage.draw()
 
     def dropped(self, event: events.GenericEventArguments) -> None:
-        """Files came: say what became of them, and show the last run among them."""
+        """Report the result of each dropped file, and show the last run among them."""
         last = None
         for one in event.args if isinstance(event.args, list) else []:
             if "error" in one:
-                say(str(one["error"]), good=False)
+                notify(str(one["error"]), good=False)
             elif one.get("kind") == "run":
                 last = Path(str(one["path"]))
             elif one.get("kind") == "diagnosis":
-                say("a diagnosis: it is under Error models now")
+                notify("diagnosis added: see Error models")
         self.stage.find(last)

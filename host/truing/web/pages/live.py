@@ -1,8 +1,9 @@
-"""Live: where the robot is, what it was told, what it does; and driving it by keys."""
+"""Live: pose, commands and measurements of the robot; manual driving."""
 
 from __future__ import annotations
 
-from truing.web.elements import LiveKeys, StripChart, Toggle, TopView, button, heading, live_text, tag
+from truing.web.pages.components import LiveKeys, StripChart, TopView
+from truing.web.pages.elements import Toggle, button, heading, live_text, tag
 from truing.web.session import ViewSession
 
 _KEYS = (
@@ -26,7 +27,7 @@ def build(session: ViewSession) -> None:
             with tag("div", classes="overlay"):
                 Toggle("Follow", False, lambda on: top.set(follow=on))
                 Toggle("Sensors", True, lambda on: top.set(sensors=on))
-                Toggle("Odometry", False, lambda on: top.set(ghosts=on))
+                Toggle("Odometry", False, lambda on: top.set(odometry=on))
                 button("Clear trail", data_live_trail="")
                 button("Fit", top.fit)
         with tag("section", classes="side", aria_label="Instruments"):
@@ -37,7 +38,7 @@ def build(session: ViewSession) -> None:
 
 
 def instruments() -> None:
-    """Speeds, efforts and their last seconds."""
+    """Speeds, efforts and their recent history."""
     with tag("div"):
         heading("Wheels")
         with tag("div", classes="gauges"):
@@ -65,8 +66,8 @@ def instruments() -> None:
             ("theta", "heading, °"),
             ("y", "y, m"),
             ("forward", "speed, m/s"),
-            ("drift", "off by, mm"),
-            ("fps", "picture"),
+            ("odometry-error", "odometry error, mm"),
+            ("frame-rate", "frame rate"),
         )
 
 
@@ -81,17 +82,17 @@ def facts(*rows: tuple[str, str]) -> None:
 
 
 def drive_panel() -> None:
-    """Take the wheel, drive, change speed."""
+    """Take control, drive, change speed."""
     with tag("div"):
         heading("Drive")
         with tag("div", classes="row-tight"):
-            tag("button", "Take the wheel", "plain strong", type="button", data_live_claim="")
+            tag("button", "Take control", "plain strong", type="button", data_live_claim="")
             button("−", label="slower").on(
-                "click", js_handler="() => window.truing.live._keyUser()?.faster(false)"
+                "click", js_handler="() => window.truing.live.keyTarget()?.faster(false)"
             )
-            live_text("share", "num", first="40 %")
+            live_text("speed-fraction", "num", first="40 %")
             button("+", label="faster").on(
-                "click", js_handler="() => window.truing.live._keyUser()?.faster(true)"
+                "click", js_handler="() => window.truing.live.keyTarget()?.faster(true)"
             )
         with tag("div", classes="keys", style="margin-top:8px", aria_label="Driving keys", role="group"):
             for key, arrow in _KEYS:
@@ -102,7 +103,7 @@ def drive_panel() -> None:
 
 
 def connection(session: ViewSession) -> None:
-    """Board and link, and pulling and plugging the link."""
+    """Board and link state; connect and disconnect."""
     with tag("div"):
         heading("Board")
         facts(
@@ -111,19 +112,19 @@ def connection(session: ViewSession) -> None:
             ("mode", "mode"),
             ("sequence", "sequence"),
             ("log", "log"),
-            ("source-rate", "samples"),
+            ("source-rate", "sample rate"),
         )
-        with tag("p", classes="told", role="status", style="margin:6px 0"):
-            live_text("link-told", "")
+        with tag("p", classes="note", role="status", style="margin:6px 0"):
+            live_text("link-message", "")
             tag("span", " ")
             live_text("link-next", "dim", first="")
         with tag("div", classes="row-tight"):
-            button("Connect", session.worker.plug)
-            button("Disconnect", session.worker.unplug)
+            button("Connect", session.worker.reconnect)
+            button("Disconnect", session.worker.disconnect)
 
 
 def faults_and_task() -> None:
-    """Faults by name, and what the board is busy with."""
+    """Faults by name, and the present task."""
     with tag("div"):
         heading("Faults")
         tag("ul", classes="faults", data_live_faults="", aria_live="polite")
@@ -132,13 +133,13 @@ def faults_and_task() -> None:
 
 
 def task_panel() -> None:
-    """A plan under way, and how it went."""
+    """The running plan and its result."""
     with tag("div"):
         heading("Plan")
         with tag("p", style="margin:0 0 4px", role="status"):
             live_text("task", "")
         with tag("div", classes="meter task", aria_hidden="true"):
             tag("span", data_live_bar="task")
-        with tag("p", style="margin:4px 0 0", classes="told"):
+        with tag("p", style="margin:4px 0 0", classes="note"):
             live_text("task-problem", "", first="")
             live_text("task-saved", "dim", first="")

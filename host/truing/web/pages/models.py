@@ -1,4 +1,4 @@
-"""Error models: none, the paper's, or what a diagnosis found; the overlay follows every number's slider."""
+"""Error models: none, the paper's, or a diagnosed one; the overlay follows every slider."""
 
 from __future__ import annotations
 
@@ -9,32 +9,33 @@ from typing import Any
 from nicegui import events
 
 from truing.errors import TruingError
-from truing.web.dropped_files import ADDRESS
-from truing.web.elements import Choice, DropZone, KnobSlider, Pick, button, heading, say, tag
-from truing.web.error_model import (
+from truing.web.models.error_model import (
     KINDS,
     Kind,
-    Knob,
     ModelChoice,
+    Slider,
+    diagnosed_model,
     explanations,
-    found_choice,
-    paper_knobs,
+    paper_sliders,
     read_verdict,
     save_model,
 )
+from truing.web.pages.components import DropZone, ParameterSlider
+from truing.web.pages.elements import Choice, Select, button, heading, notify, tag
 from truing.web.pages.run_stage import RunStage
-from truing.web.run_library import baseline_of
+from truing.web.runs.dropped_files import ADDRESS
+from truing.web.runs.library import baseline_of
 from truing.web.session import ViewSession
 
-_NO_DIAGNOSES = {"": "none yet: Analysis starts one"}
+_NO_DIAGNOSES = {"": "none yet: start one under Analysis"}
 _KINDS: dict[str, Kind] = {str(kind): kind for kind in KINDS}
 _TEXTS = {str(kind): text for kind, text in KINDS.items()}
 _ABOUT = {
-    "none": "The simulated robot goes exactly where its wheels go.",
-    "paper": "The MOM paper's constants: they bend the commanded motion. Its text prints them; the bar goes "
-    "from there to what the end points of its Table 2 imply.",
-    "found": "What a diagnosis found acts on the wheels and the ground, under the efforts that were applied. "
-    "The bar is each number's 95 % interval.",
+    "none": "No error model: the path follows from the wheel speeds alone.",
+    "paper": "The MOM paper's constants distort the commanded motion. The bar extends from the value printed "
+    "in its text to the one implied by the end points of its Table 2.",
+    "found": "The diagnosed effects act on wheels and ground under the applied efforts. The bar is the 95 % "
+    "interval of each parameter.",
 }
 
 
@@ -44,12 +45,12 @@ def build(session: ViewSession) -> None:
 
 
 class _ModelsPage:
-    """A model being tried; it is the robot's once it has been saved."""
+    """A model under adjustment; saving makes it the robot's model."""
 
     def __init__(self, session: ViewSession) -> None:
         self.session = session
         self.choice = session.model
-        self.found_knobs: list[Knob] = []
+        self.diagnosed_sliders: list[Slider] = []
         self.verdict: dict[str, Any] | None = None
         self.stage = RunStage(session, lambda: self.choice, self.drawn)
 
@@ -64,73 +65,73 @@ class _ModelsPage:
                 with tag("div"):
                     heading("Error model")
                     Choice("Error model", _TEXTS, self.choice.kind, self.set_kind)
-                    self.about = tag("p", classes="dim told", style="margin:6px 0 0")
-                    self.found_box = tag("div", classes="picks", style="margin-top:6px")
-                self.knobs = tag("div", classes="knobs")
+                    self.about = tag("p", classes="dim note", style="margin:6px 0 0")
+                    self.diagnosis_box = tag("div", classes="picks", style="margin-top:6px")
+                self.slider_box = tag("div", classes="sliders")
                 with tag("div"):
-                    with tag("p", classes="told", role="status", style="margin:0"):
+                    with tag("p", classes="note", role="status", style="margin:0"):
                         self.error = tag("span", "", "num")
                     with tag("div", classes="row-tight", style="margin-top:6px"):
                         button("Save as the robot's model", self.save, strong=True)
-                        button("Back to its values", self.back)
-                    self.saved = tag("p", classes="told dim", role="status", style="margin:4px 0 0")
+                        button("Reset values", self.reset)
+                    self.saved = tag("p", classes="note dim", role="status", style="margin:4px 0 0")
                 with tag("div"):
                     self.stage.table()
-        self.fill_found()
+        self.list_diagnoses()
         if self.choice.kind == "found" and self.choice.effects:
-            self.found_knobs = self._knobs_of_choice()
+            self.diagnosed_sliders = self._sliders_of_choice()
         self.show()
 
-    def fill_found(self, chosen: Path | None = None) -> None:
-        """The diagnoses on disk."""
+    def list_diagnoses(self, chosen: Path | None = None) -> None:
+        """List the diagnoses on disk."""
         files = sorted(self.session.diagnosis_folder.glob("*.json"), key=lambda p: -p.stat().st_mtime)
-        self.found_box.clear()
-        with self.found_box:
+        self.diagnosis_box.clear()
+        with self.diagnosis_box:
             options = {str(path): path.stem for path in files} or _NO_DIAGNOSES
             value = str(chosen) if chosen is not None else ""
             if value not in options and files:
                 options = {"": "choose one"} | options
-            self.diagnoses = Pick("Diagnosis", options, value, lambda path: self.take(Path(path)))
+            self.diagnoses = Select("Diagnosis", options, value, lambda path: self.use(Path(path)))
             if self.verdict is not None and len(explanations(self.verdict)) > 1:
                 entries = {str(number): text for number, text in explanations(self.verdict)}
-                Pick("Explanation", entries, self.explanation, self.take_explanation)
+                Select("Explanation", entries, self.explanation, self.use_explanation)
             zone = DropZone("Drop a diagnosis (JSON) here, or choose one", ".json", ADDRESS)
             zone.on("dropped", self.dropped)
 
     def dropped(self, event: events.GenericEventArguments) -> None:
-        """A diagnosis came."""
+        """Use a dropped diagnosis."""
         for one in event.args if isinstance(event.args, list) else []:
             if one.get("kind") == "diagnosis":
-                self.take(Path(str(one["path"])))
+                self.use(Path(str(one["path"])))
             else:
-                say(str(one.get("error", "this is no diagnosis")), good=False)
+                notify(str(one.get("error", "this is not a diagnosis")), good=False)
 
-    def take(self, path: Path) -> None:
-        """Put a diagnosis' findings into force."""
+    def use(self, path: Path) -> None:
+        """Use the result of a diagnosis."""
         if not path.name:
             return
         try:
             self.verdict = read_verdict(path)
             self.explanation = str(explanations(self.verdict)[0][0])
-            self.take_explanation(self.explanation)
+            self.use_explanation(self.explanation)
         except TruingError as error:
-            say(str(error), good=False)
+            notify(str(error), good=False)
             return
         except (KeyError, TypeError, ValueError) as error:
-            say(f"{path.name}: is no diagnosis of this version ({error})", good=False)
+            notify(f"{path.name}: is not a diagnosis of this version ({error})", good=False)
             return
-        self.fill_found(path)
+        self.list_diagnoses(path)
 
-    def take_explanation(self, number: str) -> None:
-        """One of several explanations."""
+    def use_explanation(self, number: str) -> None:
+        """Use one of several explanations."""
         assert self.verdict is not None
         self.explanation = number
-        found, self.found_knobs = found_choice(self.verdict, int(number))
+        found, self.diagnosed_sliders = diagnosed_model(self.verdict, int(number))
         self.choice = ModelChoice("found", self.choice.paper, found.numbers, found.effects, found.source)
         self.show()
 
     def set_kind(self, kind: str) -> None:
-        """None, the paper's, or found."""
+        """Select the kind of error model."""
         if kind == self.choice.kind:
             return
         self.choice = ModelChoice(
@@ -138,53 +139,53 @@ class _ModelsPage:
         )
         self.show()
 
-    def turn(self, knob: Knob, event: events.GenericEventArguments) -> None:
-        """A slider moved."""
+    def adjust(self, slider: Slider, event: events.GenericEventArguments) -> None:
+        """A slider was moved."""
         if isinstance(event.args, int | float):
-            self.choice = self.choice.turned(knob.key, float(event.args))
+            self.choice = self.choice.with_value(slider.key, float(event.args))
             self.stage.draw()
 
-    def back(self) -> None:
-        """Every number as it was printed or found."""
+    def reset(self) -> None:
+        """Restore the published or diagnosed values."""
         if self.choice.kind == "paper":
             self.choice = ModelChoice(
                 "paper", ModelChoice().paper, self.choice.numbers, self.choice.effects, self.choice.source
             )
         elif self.verdict is not None:
-            self.take_explanation(self.explanation)
+            self.use_explanation(self.explanation)
         self.show()
 
     def save(self) -> None:
-        """Make it the robot's model: Compare and the next view use it."""
+        """Save it as the robot's model, which Compare and later sessions use."""
         run = self.stage.run
         baseline = None if run is None else baseline_of(run)
         self.session.model = self.choice
         try:
             path = save_model(self.choice, baseline, self.session.model_file)
         except (TruingError, OSError) as error:
-            say(str(error), good=False)
+            notify(str(error), good=False)
             return
         self.saved._text = f"saved: {path}"
         self.saved.update()
 
-    # ---- what is shown
+    # ---- display
 
     def show(self) -> None:
-        """Sliders of the model that is chosen, and the overlay."""
+        """Show the sliders of the selected model, and redraw."""
         kind = self.choice.kind
         self.about._text = _ABOUT[kind]
         self.about.update()
-        self.found_box.set_visibility(kind == "found")
-        self.knobs.clear()
-        shown = {"none": [], "paper": paper_knobs(self.choice.paper), "found": self.found_knobs}[kind]
-        with self.knobs:
-            for knob in shown:
-                slider = KnobSlider(knob, _value(self.choice, knob))
-                slider.on("turn", partial(self.turn, knob))
+        self.diagnosis_box.set_visibility(kind == "found")
+        self.slider_box.clear()
+        shown = {"none": [], "paper": paper_sliders(self.choice.paper), "found": self.diagnosed_sliders}[kind]
+        with self.slider_box:
+            for slider in shown:
+                element = ParameterSlider(slider, _value(self.choice, slider))
+                element.on("adjust", partial(self.adjust, slider))
         self.stage.draw()
 
     def drawn(self, found: dict[str, Any]) -> None:
-        """How far off the simulation is with the numbers as they stand."""
+        """Show the speed error of the simulation with the present values."""
         parts = [
             f"{text} {1e3 * found['rms'][name]:.1f} mm/s"
             for name, text in (("simulated", "speed error simulated"), ("modelled", "with the model"))
@@ -193,15 +194,15 @@ class _ModelsPage:
         self.error._text = ", ".join(parts)
         self.error.update()
 
-    def _knobs_of_choice(self) -> list[Knob]:
-        """Sliders for a saved model whose diagnosis is not at hand: no intervals."""
-        knobs = []
+    def _sliders_of_choice(self) -> list[Slider]:
+        """Sliders for a saved model without its diagnosis: no intervals."""
+        sliders = []
         for name, table in self.choice.effects.items():
             for key, value in table.items():
                 around = max(abs(value), 1e-3)
                 title = f"{name.replace('_', ' ')}: {key.replace('_', ' ')}"
-                knobs.append(
-                    Knob(
+                sliders.append(
+                    Slider(
                         f"effect.{name}.{key}",
                         title,
                         "",
@@ -211,14 +212,14 @@ class _ModelsPage:
                         None,
                     )
                 )
-        return knobs
+        return sliders
 
 
-def _value(choice: ModelChoice, knob: Knob) -> float:
-    what, _, name = knob.key.partition(".")
+def _value(choice: ModelChoice, slider: Slider) -> float:
+    what, _, name = slider.key.partition(".")
     if what == "paper":
         return float(getattr(choice.paper, name))
     if what == "number":
-        return choice.numbers.get(name, knob.value)
+        return choice.numbers.get(name, slider.value)
     effect, _, parameter = name.partition(".")
-    return choice.effects.get(effect, {}).get(parameter, knob.value)
+    return choice.effects.get(effect, {}).get(parameter, slider.value)

@@ -1,4 +1,4 @@
-"""Two lists: a recording set on disk, and a run of it."""
+"""Two lists: recording sets on disk, and the runs of the selected set."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import Any
 
 from nicegui import background_tasks, context
 
-from truing.web.elements import Pick, tag
-from truing.web.run_library import FoundSet, find_sets
+from truing.web.pages.elements import Select, tag
+from truing.web.runs.library import FoundSet, find_sets
 from truing.web.session import ViewSession
 
 NO_RUNS = "no runs yet: upload and run a path under Trajectory,<br>or drop recordings on Compare"
@@ -18,11 +18,11 @@ _NO_SETS = {"": "no runs on disk yet"}
 
 
 class RunChoice:
-    """Which run a page is about.
+    """Selection of the run that a page shows.
 
     Parameters
     ----------
-    on_change : called whenever another run is chosen, also the first time.
+    on_change : called when a run is selected, including the first time.
     """
 
     def __init__(self, session: ViewSession, on_change: Callable[[], Any]) -> None:
@@ -32,24 +32,24 @@ class RunChoice:
         self._on_change = on_change
         self._client = context.client
         with tag("div", classes="picks"):
-            self._set = Pick("Set", _NO_SETS, "", lambda _: self._chose_set())
-            self._run = Pick("Run", {"": "–"}, "", lambda _: self._chose_run())
+            self._set = Select("Set", _NO_SETS, "", lambda _: self._chose_set())
+            self._run = Select("Run", {"": "–"}, "", lambda _: self._chose_run())
 
     @property
     def home(self) -> FoundSet | None:
-        """The set that is chosen."""
+        """The selected set."""
         return self.sets.get(self._set.value)
 
     @property
     def name(self) -> str:
-        """The set's name on the page."""
+        """The displayed name of the set."""
         home = self.home
         return "" if home is None else home.name
 
     def find(self, chosen: Path | None = None) -> None:
-        """Look for runs on disk; choose one, or the newest.
+        """Search the disk for runs; select `chosen`, or the newest.
 
-        A folder may hold thousands of files, and whoever drives must not wait for them.
+        In a thread: a folder may hold thousands of files, and driving must not be delayed.
         """
         background_tasks.create(self._find(chosen))
 
@@ -63,10 +63,10 @@ class RunChoice:
         if not found:
             self._on_change()
             return
-        every = [path for one in found for path in one.runs]
-        if chosen is None or chosen not in every:
-            kept = self.run in every
-            chosen = self.run if kept and self.run else max(every, key=lambda path: path.stat().st_mtime)
+        available = [path for one in found for path in one.runs]
+        if chosen is None or chosen not in available:
+            kept = self.run in available
+            chosen = self.run if kept and self.run else max(available, key=lambda path: path.stat().st_mtime)
         home = next(one for one in found if chosen in one.runs)
         self._set.fill({str(one.path): one.name for one in found}, str(home.path))
         self._run.fill({str(path): path.stem for path in home.runs}, str(chosen))

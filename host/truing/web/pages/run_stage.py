@@ -1,4 +1,4 @@
-"""A run from disk beside its simulations: picture, speeds and table, drawn anew on every change."""
+"""A run from disk and its simulations: paths, speeds and table, redrawn on every change."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ from typing import Any
 from nicegui import background_tasks, context
 
 from truing.errors import TruingError
-from truing.web.elements import Chart, PlainTable, TopView, button, heading, tag
-from truing.web.error_model import ModelChoice
-from truing.web.figures import nothing
+from truing.web.models.error_model import ModelChoice
+from truing.web.pages.components import Chart, TopView
+from truing.web.pages.elements import PlainTable, button, heading, tag
 from truing.web.pages.run_choice import NO_RUNS, RunChoice
 from truing.web.session import ViewSession
+from truing.web.views.figures import empty_figure
 
 _BUSY = "simulating …"
 
 
 class RunStage:
-    """The picture of the run that is chosen, and the choice.
+    """The views of the selected run, and its selection.
 
     Parameters
     ----------
-    model : what the third column is made with, asked at each drawing.
-    on_drawn : told what came of it.
+    model : returns the error model of the third column, called at each redraw.
+    on_drawn : called with the content after each redraw.
     """
 
     def __init__(
@@ -38,19 +39,19 @@ class RunStage:
         self.model = model
         self.on_drawn = on_drawn or (lambda _: None)
         self.more: list[Path] = []
-        self._wanted = False
+        self._requested = False
         self._busy = False
         self._client = context.client
 
     @property
     def run(self) -> Path | None:
-        """The run that is chosen."""
+        """The selected run."""
         return self.runs.run
 
     # ---- elements
 
     def picture(self, label: str) -> None:
-        """Floor above, speeds below."""
+        """Path view above, speeds below."""
         with tag("section", classes="stage", aria_label=label):
             self.top = TopView("The paths of the run and its simulations", "paths", fitted=True)
             with tag("div", classes="overlay"):
@@ -59,13 +60,13 @@ class RunStage:
             self.chart = Chart("Speeds of both wheels against time, and residuals", height_px=300)
 
     def choice(self) -> None:
-        """Which run."""
+        """The lists of sets and runs."""
         self.runs = RunChoice(self.session, self._chosen)
-        self.told = tag("p", classes="told dim", role="status", style="margin:4px 0 0")
+        self.status = tag("p", classes="note dim", role="status", style="margin:4px 0 0")
         self.find()
 
-    def beside(self) -> None:
-        """Other runs of the set, drawn beside it."""
+    def other_runs(self) -> None:
+        """Selection of other runs of the set to draw as well."""
         self.more_box = tag("details", classes="more-runs")
         self.show_more()
 
@@ -77,7 +78,7 @@ class RunStage:
     # ---- choosing
 
     def find(self, chosen: Path | None = None) -> None:
-        """Look for runs on disk; choose one, or the newest."""
+        """Search the disk for runs; select `chosen`, or the newest."""
         self.runs.find(chosen)
 
     def _chosen(self) -> None:
@@ -88,7 +89,7 @@ class RunStage:
         self.draw()
 
     def show_more(self) -> None:
-        """The other runs of the set, to tick."""
+        """Check boxes of the other runs of the set."""
         box = getattr(self, "more_box", None)
         if box is None:
             return
@@ -96,7 +97,7 @@ class RunStage:
         home = self.runs.home
         others = [path for path in home.runs if path != self.run] if home is not None else []
         with box:
-            tag("summary", f"Real paths of other runs of this set ({len(others)})")
+            tag("summary", f"Measured paths of other runs of this set ({len(others)})")
             for path in others:
                 with tag("label", classes="tick"):
                     mark = tag("input", type="checkbox", aria_label=f"also draw {path.stem}")
@@ -110,7 +111,7 @@ class RunStage:
                     tag("span", path.stem)
 
     def add(self, path: Path, wanted: bool) -> None:
-        """Draw another run beside, or no more."""
+        """Draw another run as well, or remove it."""
         if wanted and path not in self.more:
             self.more = [*self.more, path][-4:]
         elif not wanted and path in self.more:
@@ -120,18 +121,18 @@ class RunStage:
     # ---- drawing
 
     def draw(self) -> None:
-        """Draw soon; many wishes while one is being drawn become one."""
-        self._wanted = True
+        """Request a redraw; requests during a redraw are merged into one."""
+        self._requested = True
         if not self._busy:
             self._busy = True
             background_tasks.create(self._draw())
 
     async def _draw(self) -> None:
         try:
-            while self._wanted:
-                self._wanted = False
+            while self._requested:
+                self._requested = False
                 if self.run is None:
-                    self.chart.update_figure(nothing(NO_RUNS))
+                    self.chart.update_figure(empty_figure(NO_RUNS))
                     return
                 start = self.session.comparison_start
                 request = {
@@ -141,11 +142,11 @@ class RunStage:
                     "model": self.model().to_json(),
                     "start": start.as_list(),
                 }
-                self._say(_BUSY)
+                self._set_status(_BUSY)
                 try:
                     found = await self.session.simulation.ask(request)
                 except TruingError as error:
-                    self._say(str(error))
+                    self._set_status(str(error))
                     continue
                 with self._client:
                     self._show(found)
@@ -154,10 +155,10 @@ class RunStage:
             self._busy = False
 
     def _show(self, found: dict[str, Any]) -> None:
-        self._say(" ".join(f"{note}." for note in found["notes"]))
+        self._set_status(" ".join(f"{note}." for note in found["notes"]))
         self.top.set(paths=found["paths"])
         self.chart.update_figure(
-            found["figure"] if found["figure"]["data"] else nothing("this run has no speeds")
+            found["figure"] if found["figure"]["data"] else empty_figure("this run has no speeds")
         )
         self.legend.clear()
         with self.legend:
@@ -167,8 +168,8 @@ class RunStage:
             self.points.fill(found["head"], found["rows"])
         self.on_drawn(found)
 
-    def _say(self, text: str) -> None:
-        if text == self.told._text:
+    def _set_status(self, text: str) -> None:
+        if text == self.status._text:
             return
-        self.told._text = text
-        self.told.update()
+        self.status._text = text
+        self.status.update()

@@ -1,8 +1,9 @@
-"""3-D: the same world and robot in space; orbit, follow or top camera, and driving by keys."""
+"""3-D: world and robot in three dimensions with orbit, follow or top camera; manual driving."""
 
 from __future__ import annotations
 
-from truing.web.elements import Choice, LiveKeys, Scene3D, Toggle, heading, tag
+from truing.web.pages.components import LiveKeys, Scene3D
+from truing.web.pages.elements import Choice, Toggle, heading, tag
 from truing.web.pages.live import drive_panel, facts, faults_and_task
 
 _CAMERAS = {"orbit": "Orbit", "follow": "Follow", "top": "Top"}
@@ -25,13 +26,13 @@ def build() -> None:
                     ("theta", "heading, °"),
                     ("y", "y, m"),
                     ("forward", "speed, m/s"),
-                    ("drift", "off by, mm"),
-                    ("fps", "picture"),
+                    ("odometry-error", "odometry error, mm"),
+                    ("frame-rate", "frame rate"),
                 )
             faults_and_task()
             tag(
                 "p",
-                "Drag turns the view, the wheel zooms. With the picture focused: J, L turn, I, K tilt, "
+                "Drag to rotate, scroll to zoom. With the view focused: J, L rotate, I, K tilt, "
                 "comma and full stop zoom.",
                 "hints",
             )

@@ -1,4 +1,4 @@
-"""Trajectory: drive the model robot with six keys or draw lines and arcs; upload and run what comes of it."""
+"""Trajectory: drive a model robot with six keys or draw lines and arcs; upload and run the result."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ from nicegui import context, events, ui
 
 from truing.errors import TruingError
 from truing.plan import Plan
-from truing.web.board_worker import RunOrder
-from truing.web.elements import Choice, ModelKeys, PlainTable, TopView, button, heading, number, say, tag
-from truing.web.error_model import KINDS, Kind
-from truing.web.error_replay import replay_cycles
-from truing.web.known_robot import known_robot
+from truing.web.models.error_model import KINDS, Kind
+from truing.web.models.error_replay import replay_cycles
+from truing.web.models.known_robot import known_robot
+from truing.web.pages.components import ModelKeys, TopView
+from truing.web.pages.elements import Choice, PlainTable, button, heading, notify, number, set_text, tag
 from truing.web.pages.live import task_panel
-from truing.web.path_segments import Node, cycles_of, segments_through
+from truing.web.path.segments import Node, cycles_of, segments_through
+from truing.web.path.sequence_file import checked_name, plan_of, save_sequence
+from truing.web.path.trajectory import Cycle, KeyTrajectory, braked_to_rest, duration_s, path_points, poses
 from truing.web.pose import Pose
-from truing.web.sequence_file import checked_name, plan_of, save_sequence
 from truing.web.session import ViewSession
-from truing.web.trajectory import Cycle, KeyTrajectory, braked, drawn, duration_s, poses
+from truing.web.worker.state import RunRequest
 
 _TOOLS = {"pan": "Keys", "line": "Lines", "arc": "Arcs"}
-_MOST_NODES = 60
+_MAX_NODES = 60
 _SHOWN_INPUTS = 6
 _MODEL_COLOUR = "#d2a8ff"
 _KINDS: dict[str, Kind] = {str(kind): kind for kind in KINDS}
@@ -33,7 +34,7 @@ def build(session: ViewSession) -> None:
 
 
 class _TrajectoryPage:
-    """A trajectory in the making; each page has its own."""
+    """A trajectory under construction; each page has its own."""
 
     def __init__(self, session: ViewSession) -> None:
         self.session = session
@@ -42,7 +43,7 @@ class _TrajectoryPage:
         self.nodes: list[Node] = []
         self.start = Pose()
         self.name = "path"
-        self.share = 0.5
+        self.speed_fraction = 0.5
 
     # ---- elements
 
@@ -50,22 +51,22 @@ class _TrajectoryPage:
         """Make the elements."""
         with tag("div", classes="view"):
             with tag("section", classes="stage", aria_label="Canvas"):
-                self.top = TopView("The model robot and its painted path, 100 pixels to a metre", "model")
+                self.top = TopView("The model robot and its path, 100 pixels per metre", "model")
                 self.top.set(pose=self.start.as_list())
                 self.top.on("node", self.add_node)
                 self.top.on("moved", self.move_node, throttle=0.05)
                 with tag("div", classes="overlay"):
-                    Choice("How", _TOOLS, "pan", self.choose_tool)
+                    Choice("Drawing tool", _TOOLS, "pan", self.choose_tool)
                     button("Undo", self.undo)
                     button("Fit", self.top.fit)
-                    button("100 px/m", lambda: self.top.zoom(0), label="Scale of 100 pixels to a metre")
+                    button("100 px/m", lambda: self.top.zoom(0), label="Scale of 100 pixels per metre")
             with tag("section", classes="side", aria_label="Control inputs"):
                 self._speed()
                 self._start()
                 with tag("div"):
                     heading("Control inputs u(t)")
-                    self.told = tag("p", classes="num", role="status", style="margin:0")
-                    self.held = tag("p", classes="held", role="status", style="margin:0")
+                    self.summary = tag("p", classes="num", role="status", style="margin:0")
+                    self.limits_text = tag("p", classes="limited", role="status", style="margin:0")
                     self.table = PlainTable("The last control inputs")
                 self._replay()
                 self._file()
@@ -79,18 +80,18 @@ class _TrajectoryPage:
     def _speed(self) -> None:
         limits = self.by_keys.limits
         with tag("div"):
-            heading("Six keys")
+            heading("Drive by keys")
             with tag("div", classes="row-tight"):
                 for key, text in (("forward", "↑"), ("back", "↓"), ("left", "←"), ("right", "→")):
                     tag("button", text, "plain", type="button", data_live_key=key, aria_label=key)
-                button("−", lambda: self._set_share(self.by_keys.share - 0.1), label="slower")
-                button("+", lambda: self._set_share(self.by_keys.share + 0.1), label="faster")
+                button("−", lambda: self._set_speed(self.by_keys.speed_fraction - 0.1), label="slower")
+                button("+", lambda: self._set_speed(self.by_keys.speed_fraction + 0.1), label="faster")
                 button("Stop", self.stop)
             self.speed = tag("p", classes="num", style="margin:6px 0 0")
             tag(
                 "p",
-                f"limits of this robot: {limits.speed_mps:.2f} m/s, "
-                f"{math.degrees(limits.turn_radps):.0f} °/s, "
+                f"limits: {limits.speed_mps:.2f} m/s, "
+                f"{math.degrees(limits.yaw_rate_radps):.0f} °/s, "
                 f"wheel {limits.wheel_mps:.2f} m/s, {limits.accel_mps2:.1f} m/s²",
                 "dim",
                 style="font-size:12px;margin:2px 0 0",
@@ -106,12 +107,12 @@ class _TrajectoryPage:
 
     def _replay(self) -> None:
         with tag("div"):
-            heading("Replay on the model")
+            heading("Simulated replay")
             with tag("div", classes="row-tight"):
                 texts = {str(kind): text for kind, text in KINDS.items()}
                 Choice("Error model of the replay", texts, self.session.model.kind, self.choose_model)
                 button("Replay", self.replay)
-            self.replayed = tag("p", classes="told num", role="status", style="margin:4px 0 0")
+            self.replayed = tag("p", classes="note num", role="status", style="margin:4px 0 0")
 
     def _file(self) -> None:
         with tag("div"):
@@ -122,25 +123,25 @@ class _TrajectoryPage:
                 button("Reset", self.reset)
                 button("Save", self.save)
                 button("Upload and run", self.run, strong=True)
-            self.saved = tag("p", classes="told dim", role="status", style="margin:4px 0 0")
+            self.saved = tag("p", classes="note dim", role="status", style="margin:4px 0 0")
 
     # ---- keys
 
     def cycle(self, event: events.GenericEventArguments) -> None:
-        """One cycle of held keys."""
+        """Advance by one cycle with the held keys."""
         if self.nodes:
             return
         keys = [key for key in event.args if isinstance(key, str)] if isinstance(event.args, list) else []
         pose = self.by_keys.cycle(keys)
-        self.top.set_model(pose, drawn(self.start, self.by_keys.cycles))
-        self.show(painted=True)
+        self.top.set_model(pose, path_points(self.start, self.by_keys.cycles))
+        self.show(path_drawn=True)
 
     def change_speed(self, event: events.GenericEventArguments) -> None:
         """Faster or slower."""
-        self._set_share(self.by_keys.share + (0.1 if event.args is True else -0.1))
+        self._set_speed(self.by_keys.speed_fraction + (0.1 if event.args is True else -0.1))
 
-    def _set_share(self, share: float) -> None:
-        self.by_keys.share = min(1.0, max(0.1, round(share, 1)))
+    def _set_speed(self, share: float) -> None:
+        self.by_keys.speed_fraction = min(1.0, max(0.1, round(share, 1)))
         self.show()
 
     def stop(self, _event: object = None) -> None:
@@ -149,7 +150,7 @@ class _TrajectoryPage:
         self.show()
 
     def undo(self) -> None:
-        """Take back a second of driving, or the last node."""
+        """Undo one second of driving, or remove the last node."""
         if self.nodes:
             self.nodes.pop()
         else:
@@ -157,7 +158,7 @@ class _TrajectoryPage:
         self.show()
 
     def reset(self) -> None:
-        """Begin anew at the start."""
+        """Remove the path and return to the start."""
         self.nodes.clear()
         self.by_keys.reset(self.start)
         self.show()
@@ -165,7 +166,7 @@ class _TrajectoryPage:
     def set_start(
         self, *, x: float | None = None, y: float | None = None, theta: float | None = None
     ) -> None:
-        """Where the model robot begins."""
+        """Set the start pose of the model robot."""
         self.start = Pose(
             self.start.x_m if x is None else x,
             self.start.y_m if y is None else y,
@@ -180,114 +181,116 @@ class _TrajectoryPage:
     # ---- lines and arcs
 
     def choose_tool(self, tool: str) -> None:
-        """Keys, lines or arcs."""
+        """Select keys, lines or arcs."""
         self.top.set(tool=tool)
 
     def add_node(self, event: events.GenericEventArguments) -> None:
-        """A click: the path goes on to here."""
+        """A click: append a node."""
         if self.by_keys.cycles:
-            say("this path was driven by keys; reset it to draw one", good=False)
+            notify("this path was driven by keys: reset it before drawing", good=False)
             return
-        if len(self.nodes) >= _MOST_NODES:
-            say(f"a path has at most {_MOST_NODES} points", good=False)
+        if len(self.nodes) >= _MAX_NODES:
+            notify(f"a path has at most {_MAX_NODES} points", good=False)
             return
         x, y = float(event.args["x"]), float(event.args["y"])
         self.nodes.append(Node(x, y, "arc" if event.args["kind"] == "arc" else "line"))
         self.show()
 
     def move_node(self, event: events.GenericEventArguments) -> None:
-        """A drag: a point goes elsewhere, and the path with it."""
+        """A drag: move a node."""
         index = int(event.args["index"])
         if 0 <= index < len(self.nodes):
             self.nodes[index] = Node(float(event.args["x"]), float(event.args["y"]), self.nodes[index].kind)
             self.show()
 
-    # ---- what comes of it
+    # ---- result
 
     @property
     def cycles(self) -> list[Cycle]:
-        """The control inputs, the robot standing at their end."""
+        """The control inputs, ending at rest."""
         limits = self.session.worker.limits
         if self.nodes:
-            return cycles_of(segments_through(self.start, self.nodes), limits, self.share)
-        return braked(self.by_keys.cycles, limits)
+            return cycles_of(segments_through(self.start, self.nodes), limits, self.speed_fraction)
+        return braked_to_rest(self.by_keys.cycles, limits)
 
     def plan(self) -> Plan:
-        """The sequence."""
+        """The plan of the control inputs."""
         return plan_of(checked_name(self.name), self.cycles)
 
-    def show(self, *, painted: bool = False) -> None:
-        """Write everything anew."""
+    def show(self, *, path_drawn: bool = False) -> None:
+        """Update all texts, the table and the path."""
         self.by_keys.limits = self.session.worker.limits
         cycles = self.cycles if self.nodes else self.by_keys.cycles
-        limits, share = self.by_keys.limits, self.by_keys.share
-        self.share = share
-        _write(
+        limits, speed_fraction = self.by_keys.limits, self.by_keys.speed_fraction
+        self.speed_fraction = speed_fraction
+        set_text(
             self.speed,
-            f"{100 * share:.0f} %   {share * limits.speed_mps:.2f} m/s   "
-            f"{math.degrees(share * limits.turn_radps):.0f} °/s",
+            f"{100 * speed_fraction:.0f} %   {speed_fraction * limits.speed_mps:.2f} m/s   "
+            f"{math.degrees(speed_fraction * limits.yaw_rate_radps):.0f} °/s",
         )
         at = poses(self.start, cycles)[-1]
-        _write(
-            self.told,
+        set_text(
+            self.summary,
             f"{len(cycles)} cycles  {duration_s(cycles):.1f} s\n"
             f"ends at {at.x_m:.3f}, {at.y_m:.3f} m, {math.degrees(at.theta_rad):.1f} °",
         )
-        held = self.by_keys.held
-        _write(self.held, f"held back by: {', '.join(held)}" if held and not self.nodes else "")
+        limited_by = self.by_keys.limited_by
+        set_text(
+            self.limits_text, f"limited by: {', '.join(limited_by)}" if limited_by and not self.nodes else ""
+        )
         rows = [
             [f"{k * 0.1:.1f}", f"{cycle.v_mps:.3f}", f"{cycle.omega_radps:.3f}"]
             for k, cycle in list(enumerate(cycles))[-_SHOWN_INPUTS:]
         ]
         self.table.fill(["t, s", "v, m/s", "ω, rad/s"], rows[::-1])
-        if not painted:
-            self.top.set_model(at, drawn(self.start, cycles))
+        if not path_drawn:
+            self.top.set_model(at, path_points(self.start, cycles))
             self.top.set(
                 pose=self.start.as_list(), nodes=[[node.x_m, node.y_m, node.kind] for node in self.nodes]
             )
 
     def choose_model(self, kind: str) -> None:
-        """None, the paper's, or what was found: it is in force everywhere."""
+        """Select the active error model, for all pages."""
         model = self.session.model
         if kind == "found" and not model.effects and not model.numbers:
-            say("nothing was found yet: choose a diagnosis under Error models, and save it", good=False)
+            notify("no diagnosed model yet: choose a diagnosis under Error models and save it", good=False)
         self.session.set_model(kind=_KINDS[kind])
         self.top.set(paths=[])
-        _write(self.replayed, "")
+        set_text(self.replayed, "")
 
     async def replay(self) -> None:
-        """The model robot drives the control inputs again, from the start; the one with errors beside it."""
+        """Replay the control inputs from the start, without and with the active error model."""
         cycles, model = self.cycles, self.session.model
         if not cycles:
-            say("there is nothing to replay: drive a path, or draw one", good=False)
+            notify("there is no path: drive or draw one first", good=False)
             return
-        path = drawn(self.start, cycles)
+        path = path_points(self.start, cycles)
         try:
-            erring = await self._erring(cycles)
+            erroneous = await self._erroneous(cycles)
         except TruingError as error:
-            say(str(error), good=False)
+            notify(str(error), good=False)
             return
-        title = "with the paper's errors" if model.kind == "paper" else "with what was found"
-        shown = {"points": erring, "colour": _MODEL_COLOUR, "dash": [6, 4], "name": title, "title": title}
-        self.top.set(paths=[shown] if erring else [])
-        text = "no errors: the model robot goes exactly where it is told"
-        if erring:
-            (x, y, theta), end = erring[-1], poses(self.start, cycles)[-1]
+        title = "MOM paper's error model" if model.kind == "paper" else "diagnosed model"
+        shown = {"points": erroneous, "colour": _MODEL_COLOUR, "dash": [6, 4], "name": title, "title": title}
+        self.top.set(paths=[shown] if erroneous else [])
+        text = "no error model: the path follows the control inputs exactly"
+        if erroneous:
+            (x, y, theta), end = erroneous[-1], poses(self.start, cycles)[-1]
             text = (
                 f"{title}: ends at {x:.3f}, {y:.3f} m, {math.degrees(theta):.1f} °, "
-                f"{math.hypot(x - end.x_m, y - end.y_m):.3f} m off"
+                f"{math.hypot(x - end.x_m, y - end.y_m):.3f} m from the desired end"
             )
-        _write(self.replayed, text)
+        set_text(self.replayed, text)
         self.top.play(path, min(duration_s(cycles), 20.0))
 
-    async def _erring(self, cycles: list[Cycle]) -> list[list[float]]:
-        """The path under the model that is in force; empty where that is none."""
+    async def _erroneous(self, cycles: list[Cycle]) -> list[list[float]]:
+        """The path under the active error model; empty without one."""
         model = self.session.model
         if model.kind == "paper":
             return replay_cycles(model.paper, self.start, cycles)
         if model.kind == "none":
             return []
-        _write(self.replayed, "simulating …")
+        set_text(self.replayed, "simulating …")
         request = {
             "kind": "replay",
             "cycles": [[cycle.v_mps, cycle.omega_radps, cycle.duration_s] for cycle in cycles],
@@ -299,25 +302,20 @@ class _TrajectoryPage:
         return found
 
     def save(self) -> None:
-        """Write the sequence file."""
+        """Save the sequence file."""
         try:
             path = save_sequence(self.plan(), self.session.sequence_folder)
         except TruingError as error:
-            say(str(error), good=False)
+            notify(str(error), good=False)
             return
-        _write(self.saved, f"saved: {path}")
+        set_text(self.saved, f"saved: {path}")
 
     def run(self) -> None:
-        """Save, upload, drive on the board, fetch the log, write the run."""
+        """Save the sequence and run it on the board; the run is recorded."""
         try:
             plan = self.plan()
             save_sequence(plan, self.session.sequence_folder)
-            order = RunOrder(plan, self.session.run_folder, plan.name)
-            self.session.run(self.client.id, order)
+            request = RunRequest(plan, self.session.run_folder, plan.name)
+            self.session.run(self.client.id, request)
         except TruingError as error:
-            say(str(error), good=False)
-
-
-def _write(element: ui.element, text: str) -> None:
-    element._text = text
-    element.update()
+            notify(str(error), good=False)

@@ -1,4 +1,4 @@
-"""World: paint what the sensors see, save and load it as a map, watch the global map grow."""
+"""World: edit the obstacles, save and load maps, configure the sensors, build the global map."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import asyncio
 from nicegui import events, ui
 
 from truing.errors import TruingError
-from truing.web.elements import Choice, LiveKeys, Toggle, TopView, button, heading, number, say, tag
-from truing.web.map_file import read_world, write_map, write_world
+from truing.web.pages.components import LiveKeys, TopView
+from truing.web.pages.elements import Choice, Toggle, button, heading, notify, number, tag
 from truing.web.pages.live import drive_panel
+from truing.web.path.sequence_file import checked_name
 from truing.web.pose import Pose
-from truing.web.sequence_file import checked_name
 from truing.web.session import ViewSession
-from truing.web.world_map import WorldMap
+from truing.web.world.map_file import read_world, write_map, write_world
+from truing.web.world.world_map import WorldMap
 
 _TOOLS = {
     "pan": "Move",
@@ -24,7 +25,7 @@ _TOOLS = {
     "place": "Place robot",
 }
 _WALL_M = 0.05
-_MOST_POINTS = 1500
+_MAX_POINTS = 1500
 
 
 def build(session: ViewSession) -> None:
@@ -34,7 +35,7 @@ def build(session: ViewSession) -> None:
 
 
 class _WorldPage:
-    """What the page remembers between two clicks."""
+    """State of one page."""
 
     def __init__(self, session: ViewSession) -> None:
         self.session = session
@@ -76,18 +77,18 @@ class _WorldPage:
                     heading("Global map")
                     Choice(
                         "Global map",
-                        {"none": "Off", "odometry": "By odometry", "corrected": "By corrected pose"},
+                        {"none": "Off", "odometry": "Odometry", "corrected": "Corrected pose"},
                         "none",
                         self.show_grid,
                     )
                     with tag("div", classes="row-tight", style="margin-top:8px"):
-                        Toggle("Odometry's robot", False, lambda on: self.top.set(ghosts=on))
-                        button("Begin anew", self.session.sensing.clear_maps)
+                        Toggle("Odometry pose", False, lambda on: self.top.set(odometry=on))
+                        button("Reset maps", self.session.sensing.clear_maps)
                         button("Save map", self.save_grid)
                     tag(
                         "p",
-                        "Both maps grow from the same scans. The one laid out by odometry smears where "
-                        "odometry drifts; the other uses the virtual robot's true pose.",
+                        "Both maps are built from the same scans: one by odometry, which blurs as odometry "
+                        "drifts, the other by the virtual robot's true pose.",
                         "dim",
                         style="font-size:12px;margin:6px 0 0",
                     )
@@ -98,15 +99,15 @@ class _WorldPage:
         sensing = self.session.sensing
         settings = sensing.settings
         with tag("div", classes="row-tight"):
-            Toggle("Sonar", settings.sonar_on, lambda on: sensing.set(sonar_on=on))
-            Toggle("Laser", settings.laser_on, lambda on: sensing.set(laser_on=on))
+            Toggle("Sonar", settings.sonar_on, lambda on: sensing.configure(sonar_on=on))
+            Toggle("Laser", settings.laser_on, lambda on: sensing.configure(laser_on=on))
         with tag("div", classes="row-tight", style="margin-top:8px"):
             for label, name, low, high, step in (
                 ("Sonars", "sonar_count", 1, 64, 1),
                 ("Cone, °", "sonar_cone_deg", 1, 90, 1),
-                ("Sonar to, m", "sonar_range_m", 0.5, 20, 0.5),
-                ("Laser, °", "laser_fov_deg", 10, 360, 10),
-                ("Laser to, m", "laser_range_m", 0.5, 40, 0.5),
+                ("Sonar range, m", "sonar_range_m", 0.5, 20, 0.5),
+                ("Laser FOV, °", "laser_fov_deg", 10, 360, 10),
+                ("Laser range, m", "laser_range_m", 0.5, 40, 0.5),
                 ("Rate, Hz", "rate_hz", 1, 40, 1),
                 ("Noise, m", "noise_m", 0, 0.5, 0.005),
                 ("Seed", "seed", 0, 1e6, 1),
@@ -115,21 +116,21 @@ class _WorldPage:
                 kind = type(value)
 
                 def change(new: float, name: str = name, kind: type = kind) -> None:
-                    sensing.set(**{name: kind(new)})
+                    sensing.configure(**{name: kind(new)})
 
                 number(label, value, change, low=low, high=high, step=step)
 
-    # ---- what is done
+    # ---- actions
 
     def set_brush(self, value: float) -> None:
-        """Width of the brush."""
+        """Set the width of the brush."""
         self.brush_m = value
         self.top.set(brush=value)
 
     def stroke(self, event: events.GenericEventArguments) -> None:
-        """Paint what the mouse drew."""
+        """Apply a stroke of the mouse."""
         tool = event.args.get("tool")
-        points = [(float(x), float(y)) for x, y in event.args.get("points", [])[:_MOST_POINTS]]
+        points = [(float(x), float(y)) for x, y in event.args.get("points", [])[:_MAX_POINTS]]
         world = self.session.world
         with self.session.sensing.world_lock:
             if tool in ("paint", "erase"):
@@ -140,54 +141,54 @@ class _WorldPage:
                 world.paint_room(points[0], points[1], _WALL_M)
 
     def place(self, event: events.GenericEventArguments) -> None:
-        """Put the robot somewhere else: on the screen; nobody lifts it on the floor."""
+        """Set the robot's pose in the world; a real robot is not moved."""
         self.session.place(Pose(event.args["x"], event.args["y"], event.args["theta"]))
 
     def clear(self) -> None:
-        """An open floor."""
+        """Remove all obstacles."""
         with self.session.sensing.world_lock:
             self.session.world.clear()
 
     def save(self) -> None:
-        """Write the world."""
+        """Save the world."""
         try:
             path = self.session.map_folder / f"{checked_name(self.name)}.yaml"
             with self.session.sensing.world_lock:
                 write_world(path, self.session.world)
         except TruingError as error:
-            say(str(error), good=False)
+            notify(str(error), good=False)
         else:
-            say(f"saved: {path} and .png")
+            notify(f"saved: {path} and .png")
 
     def load(self) -> None:
-        """Read a map of that name."""
+        """Load the map of this name."""
         try:
-            self.take(read_world(self.session.map_folder / f"{checked_name(self.name)}.yaml"), self.name)
+            self.use(read_world(self.session.map_folder / f"{checked_name(self.name)}.yaml"), self.name)
         except TruingError as error:
-            say(str(error), good=False)
+            notify(str(error), good=False)
 
-    def take(self, world: WorldMap, name: str) -> None:
-        """Make a map the world."""
+    def use(self, world: WorldMap, name: str) -> None:
+        """Replace the world by a map."""
         with self.session.sensing.world_lock:
             self.session.world.replace(world)
         self.session.sensing.clear_maps()
         self.top.fit()
-        say(f"{name}: {world.size_m[0]:.1f} m by {world.size_m[1]:.1f} m at {world.resolution_m:g} m")
+        notify(f"{name}: {world.size_m[0]:.1f} m by {world.size_m[1]:.1f} m at {world.resolution_m:g} m")
 
     def show_grid(self, grid: str) -> None:
-        """Which global map lies under the picture."""
+        """Select the global map that is displayed."""
         self.grid = grid
         self.top.set(grid=grid)
 
     async def save_grid(self) -> None:
-        """Write the global map that is shown, as map_server reads it."""
+        """Save the displayed global map in the format of map_server."""
         sensing = self.session.sensing
-        grid = sensing.by_odometry if self.grid == "odometry" else sensing.by_correction
+        grid = sensing.odometry_map if self.grid == "odometry" else sensing.corrected_map
         kind = "odometry" if self.grid == "odometry" else "corrected"
         try:
             path = self.session.map_folder / f"{checked_name(self.name)}-{kind}.yaml"
             await asyncio.to_thread(write_map, path, grid.pixels(), grid.resolution_m, grid.origin_m)
         except TruingError as error:
-            say(str(error), good=False)
+            notify(str(error), good=False)
         else:
-            say(f"saved: {path} and .png")
+            notify(f"saved: {path} and .png")

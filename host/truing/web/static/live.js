@@ -1,7 +1,9 @@
-// The page's link to the view's process: frames in, keys out, and the dead man's handle.
-// A frame is asked for when the last one has been drawn, so that a slow page never has a queue.
+// The page's web socket to the view's process: frames in, keys out, dead-man switch.
+// A frame is requested when the last one has been drawn, so that a slow page never builds up a queue.
 
 const HEARTBEAT_MS = 60;
+const STOP_DEADLINE_MS = 300;      // after this time an unacknowledged stop is an alarm
+const STALE_MS = 500;              // values older than this are drawn in grey
 const KEYS = {
   ArrowUp: "forward", KeyW: "forward", ArrowDown: "back", KeyS: "back",
   ArrowLeft: "left", KeyA: "left", ArrowRight: "right", KeyD: "right",
@@ -9,9 +11,9 @@ const KEYS = {
 
 class Live {
   constructor() {
-    this.views = new Set();          // called with each frame
-    this.keyUsers = new Set();       // {down(key), up(key)}: who takes the driving keys, newest first
-    this.state = {};                 // what changes seldom, merged
+    this.views = new Set();          // functions called with each frame
+    this.keyTargets = new Set();     // {keys(held), faster(up), stop()}: receivers of the driving keys; the last one is active
+    this.state = {};                 // rarely changing state, merged from all frames
     this.samples = [];               // newest last
     this.trail = [];
     this.truth = [];
@@ -20,6 +22,10 @@ class Live {
     this.received = 0;               // samples since the page was opened
     this.rate = 0;
     this.session = null;
+    this.stopId = 0;                 // of this page's last stop
+    this.stopDelivered = 0;          // newest of them that the board has acknowledged
+    this.sampledAt = -Infinity;      // when the last sample arrived, by performance.now()
+    this.stale = false;
     this._shown = 0;
   }
 
@@ -29,11 +35,11 @@ class Live {
     window.truingLive = this;
     window.addEventListener("keydown", (e) => this._key(e, true), true);
     window.addEventListener("keyup", (e) => this._key(e, false), true);
-    window.addEventListener("blur", () => this._releaseAll());
-    document.addEventListener("visibilitychange", () => { if (document.hidden) this._releaseAll(); });
+    window.addEventListener("blur", () => this.releaseKeys());
+    document.addEventListener("visibilitychange", () => { if (document.hidden) this.releaseKeys(); });
     this._open();
-    setInterval(() => this._beat(), HEARTBEAT_MS);
-    setInterval(() => { this.rate = this.frames; this.frames = 0; this._write("fps", this.rate + " fps"); }, 1000);
+    setInterval(() => this._heartbeat(), HEARTBEAT_MS);
+    setInterval(() => { this.rate = this.frames; this.frames = 0; this._write("frame-rate", this.rate + " fps"); }, 1000);
   }
 
   send(message) {
@@ -47,29 +53,32 @@ class Live {
     this.socket = new WebSocket(`${scheme}://${location.host}/live?session=${encodeURIComponent(this.session)}`);
     this.socket.binaryType = "arraybuffer";
     const decoder = new TextDecoder();
-    this.socket.onopen = () => { document.body.classList.remove("view-gone"); this.send({ t: "next" }); };
+    this.socket.onopen = () => { document.body.classList.remove("view-lost"); this.send({ t: "next" }); this._sendStop(); };
     this.socket.onmessage = (event) => {
       const frame = JSON.parse(decoder.decode(event.data));
-      this._take(frame);
+      this._merge(frame);
       requestAnimationFrame((now) => {
         this._draw(frame, now);
         this.send({ t: "next" });
       });
     };
     this.socket.onclose = () => {
-      document.body.classList.add("view-gone");
-      this._write("link", "view is gone");
+      document.body.classList.add("view-lost");
+      this._write("link", "view not reachable");
       setTimeout(() => this._open(), 500);
     };
   }
 
-  _take(frame) {
+  _merge(frame) {
     this.frames += 1;
-    for (const name of ["link", "board", "task", "driver", "share", "world", "grids", "frames"]) {
+    for (const name of ["link", "board", "task", "driver", "speed_fraction", "stop", "world", "grids", "frames"]) {
       if (name in frame) this.state[name] = frame[name];
     }
+    if (frame.stop) this._stopDelivered(frame.stop.delivered);
     if (frame.scan) this.state.scan = frame.scan;
     if (frame.samples.length) {
+      this.sampledAt = performance.now();
+      this._checkAge();
       this.samples.push(...frame.samples);
       this.received += frame.samples.length;
       if (this.samples.length > 6000) this.samples.splice(0, this.samples.length - 5000);
@@ -96,47 +105,50 @@ class Live {
       this._bar("effort-left", last[5]); this._bar("effort-right", last[6]);
     }
     if (frame.odometry && frame.corrected) {
-      const off = Math.hypot(frame.odometry[0] - frame.corrected[0], frame.odometry[1] - frame.corrected[1]);
-      write("drift", (1000 * off).toFixed(0));
+      const error = Math.hypot(frame.odometry[0] - frame.corrected[0], frame.odometry[1] - frame.corrected[1]);
+      write("odometry-error", (1000 * error).toFixed(0));
     }
-    // What seldom changes is written when it does, and again for elements that have come since.
-    if (now > this._shown + 200 || "link" in frame || "board" in frame || "task" in frame || "driver" in frame || "share" in frame) {
+    // Rarely changing state is written when it changes, and periodically for elements added since.
+    if (now > this._shown + 200 || "link" in frame || "board" in frame || "task" in frame || "stop" in frame || "driver" in frame || "speed_fraction" in frame) {
       this._shown = now;
-      this._showSlow(this.state);
+      this._showState(this.state);
     }
   }
 
-  _showSlow(state) {
-    const here = document.querySelector("nav a[aria-current]");
-    if (here && here !== this._here) { // on a narrow screen the bar of pages scrolls
-      this._here = here;
-      here.scrollIntoView({ inline: "nearest", block: "nearest" });
+  _showState(state) {
+    const current = document.querySelector("nav a[aria-current]");
+    if (current && current !== this._currentPage) { // on a narrow screen the navigation bar scrolls
+      this._currentPage = current;
+      current.scrollIntoView({ inline: "nearest", block: "nearest" });
     }
     if (state.link) this._showLink(state.link);
     this._showBoard(state.board);
     this._showTask(state.task);
-    if (state.share) this._write("share", Math.round(100 * state.share) + " %");
+    if (state.speed_fraction) this._write("speed-fraction", Math.round(100 * state.speed_fraction) + " %");
     if (!state.driver) return;
-    this._write("driver", { nobody: "nobody drives", you: "you drive", another: "another page drives" }[state.driver]);
+    this._write("driver", { none: "no driver", you: "you are driving", other: "another page is driving" }[state.driver]);
     document.body.dataset.driver = state.driver;
     for (const button of document.querySelectorAll("[data-live-claim]")) {
-      const text = state.driver === "you" ? "Leave the wheel" : "Take the wheel";
+      const text = state.driver === "you" ? "Release control" : "Take control";
       if (button.textContent !== text) button.textContent = text;
-      button.toggleAttribute("disabled", state.driver === "another");
+      button.toggleAttribute("disabled", state.driver === "other");
     }
   }
 
   _showLink(link) {
     document.body.dataset.link = link.state;
     this._write("link", link.state);
-    this._write("link-told", link.told);
+    this._write("link-message", link.message);
     this._write("link-next", link.next ? "Next: " + link.next : "");
     this._write("board-name", link.board || "no board");
     this._write("source-rate", link.rate_hz ? link.rate_hz.toFixed(0) + " Hz" : "–");
   }
 
   _showBoard(board) {
-    this._write("state", board ? board.state : "–");
+    const stop = this.stopDelivered < this.stopId ? "pending" : this.state.stop?.state ?? "none";
+    document.body.dataset.stop = stop;
+    const stopped = { none: board?.state, pending: "stopping", stopped: board?.state === "idle" ? "STOPPED" : board?.state };
+    this._write("state", board ? stopped[stop] : "–");
     this._write("mode", board ? board.mode : "–");
     this._write("sequence", board ? board.sequence : "–");
     this._write("log", board ? (board.log_open ? "writing" : "closed") : "–");
@@ -166,7 +178,7 @@ class Live {
     this._write("task-problem", task ? task.problem : "");
     this._write("task-saved", task && task.saved ? "saved: " + task.saved : "");
     for (const bar of document.querySelectorAll("[data-live-bar='task']")) {
-      bar.style.width = 100 * (task ? task.share : 0) + "%";
+      bar.style.width = 100 * (task ? task.progress : 0) + "%";
     }
   }
 
@@ -183,59 +195,91 @@ class Live {
     }
   }
 
+  // ---- stop
+
+  stop() {
+    this.releaseKeys();
+    this.stopId += 1;
+    const id = this.stopId;
+    this._sendStop();
+    this._showBoard(this.state.board);
+    flash();
+    setTimeout(() => { if (this.stopDelivered < id) document.body.classList.add("stop-not-delivered"); }, STOP_DEADLINE_MS);
+  }
+
+  _sendStop() { // also after a reconnection, as long as it has not been acknowledged
+    if (this.stopDelivered < this.stopId) this.send({ t: "stop", id: this.stopId });
+  }
+
+  _stopDelivered(id) {
+    this.stopDelivered = Math.max(this.stopDelivered, id);
+    if (this.stopDelivered >= this.stopId) document.body.classList.remove("stop-not-delivered");
+  }
+
+  _checkAge() {
+    const stale = performance.now() - this.sampledAt > STALE_MS;
+    if (stale === this.stale) return;
+    this.stale = stale;
+    document.body.classList.toggle("stale", stale);
+    for (const view of this.views) view({}, performance.now());
+  }
+
   // ---- keys
 
   _key(event, down) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const typing = event.target.closest?.("input:not([type=range]), textarea, select, [contenteditable=true]");
-    const own = event.target.closest?.("input[type=range], [role=slider], [role=listbox], [role=option], [role=combobox], [role=menu], [role=tab], [role=radio]");
+    const ownArrows = event.target.closest?.("input[type=range], [role=slider], [role=listbox], [role=option], [role=combobox], [role=menu], [role=tab], [role=radio]");
     if (event.code === "Space") {
-      const moving = ["live", "sequence"].includes(this.state.board?.state);
-      if (typing && !moving) return;
+      // A space is text only in a text field, and only while the robot is known to be at rest.
+      const text = event.target.closest?.("textarea, [contenteditable=true], input:not([type=number], [type=range], [type=checkbox], [type=radio], [type=file])");
+      const moving = this.stale || ["live", "sequence"].includes(this.state.board?.state);
+      if (text && !moving) return;
       event.preventDefault(); event.stopPropagation();
-      if (down && !event.repeat) { this._releaseAll(); this.send({ t: "stop" }); this._keyUser()?.stop?.(); flash(); }
+      if (down && !event.repeat) { this.stop(); this.keyTarget()?.stop?.(); }
       return;
     }
     if (typing) return;
     const key = KEYS[event.code];
-    if (key && !(own && event.code.startsWith("Arrow"))) {
-      const user = this._keyUser();
-      if (!user) return;
+    if (key && !(ownArrows && event.code.startsWith("Arrow"))) {
+      const target = this.keyTarget();
+      if (!target) return;
       event.preventDefault();
       if (event.repeat) return;
       if (down) this.held.add(key); else this.held.delete(key);
-      user.keys([...this.held]);
+      target.keys([...this.held]);
       return;
     }
     if (!down) return;
-    if (event.key === "+" || event.key === "=") this._keyUser()?.faster(true);
-    else if (event.key === "-") this._keyUser()?.faster(false);
-    else if (event.key === "c" && !event.repeat) this.toggleWheel();
+    if (event.key === "+" || event.key === "=") this.keyTarget()?.faster(true);
+    else if (event.key === "-") this.keyTarget()?.faster(false);
+    else if (event.key === "c" && !event.repeat) this.toggleControl();
     else if (/^[1-9]$/.test(event.key)) document.querySelectorAll("[data-page]")[event.key - 1]?.click();
     else if (event.key === "?") document.querySelector("[data-help]")?.click();
   }
 
-  _keyUser() { return [...this.keyUsers].pop(); }
+  keyTarget() { return [...this.keyTargets].pop(); }
 
-  toggleWheel() { this.send({ t: this.drives ? "leave" : "claim" }); }
+  toggleControl() { this.send({ t: this.drives ? "leave" : "claim" }); }
 
-  press(key, down) { // buttons on the screen do what keys do
+  press(key, down) { // on-screen buttons act like keys
     if (down) this.held.add(key); else this.held.delete(key);
-    this._keyUser()?.keys([...this.held]);
+    this.keyTarget()?.keys([...this.held]);
   }
 
-  _releaseAll() {
+  releaseKeys() {
     if (!this.held.size) return;
     this.held.clear();
-    this._keyUser()?.keys([]);
+    this.keyTarget()?.keys([]);
   }
 
-  _beat() {
-    const user = this._keyUser();
-    if (this.drives) this.send({ t: "keys", keys: user && user.drivesRobot ? [...this.held] : [] });
+  _heartbeat() {
+    this._checkAge();
+    const target = this.keyTarget();
+    if (this.drives) this.send({ t: "keys", keys: target && target.drivesRobot ? [...this.held] : [] });
   }
 
-  driveRobot() { // the default use of the keys: the robot itself
+  driveRobot() { // the default target of the keys: the robot
     return {
       drivesRobot: true,
       keys: (held) => { if (!this.drives && held.length) this.send({ t: "claim" }); this.send({ t: "keys", keys: held }); },
@@ -264,13 +308,13 @@ window.truing = { live };
 document.addEventListener("click", (event) => {
   const element = event.target.closest?.("[data-live-claim], [data-live-stop], [data-live-clear], [data-live-trail]");
   if (!element) return;
-  if (element.hasAttribute("data-live-claim")) live.toggleWheel();
-  else if (element.hasAttribute("data-live-stop")) { live._releaseAll(); live.send({ t: "stop" }); flash(); }
+  if (element.hasAttribute("data-live-claim")) live.toggleControl();
+  else if (element.hasAttribute("data-live-stop")) { live.stop(); }
   else if (element.hasAttribute("data-live-clear")) live.send({ t: "clear" });
   else { live.trail.length = 0; live.truth.length = 0; }
 });
 
-// A plot is told of its new size while its page is being left: that it is not shown any more is no error.
+// A plot may be resized while its page is being left: that it is no longer displayed is not an error.
 window.addEventListener("unhandledrejection", (event) => {
   if (String(event.reason?.message ?? event.reason).startsWith("Resize must be passed a displayed plot")) event.preventDefault();
 });

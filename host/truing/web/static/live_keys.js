@@ -3,6 +3,6 @@ import { live } from "/view-static/live.js";
 
 export default {
   template: `<span hidden></span>`,
-  mounted() { this.user = live.driveRobot(); live.keyUsers.add(this.user); },
-  unmounted() { live._releaseAll(); live.keyUsers.delete(this.user); },
+  mounted() { this.target = live.driveRobot(); live.keyTargets.add(this.target); },
+  unmounted() { live.releaseKeys(); live.keyTargets.delete(this.target); },
 };

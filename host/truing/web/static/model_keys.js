@@ -1,4 +1,4 @@
-// While this is on a page, the driving keys move the model robot: one cycle at once, then one every 100 ms.
+// While this is on a page, the driving keys move the model robot: one cycle immediately, then one every 100 ms.
 import { live } from "/view-static/live.js";
 
 const CYCLE_MS = 100;
@@ -8,18 +8,18 @@ export default {
   mounted() {
     this.held = [];
     const cycle = () => { if (this.held.length) this.$emit("cycle", this.held); };
-    this.user = {
+    this.target = {
       drivesRobot: false,
       keys: (held) => {
-        const began = !this.held.length && held.length;
+        const started = !this.held.length && held.length;
         this.held = held;
-        if (began) { cycle(); this.timer = setInterval(cycle, CYCLE_MS); }
+        if (started) { cycle(); this.timer = setInterval(cycle, CYCLE_MS); }
         if (!held.length) { clearInterval(this.timer); }
       },
       faster: (up) => this.$emit("speed", up),
       stop: () => { this.held = []; clearInterval(this.timer); this.$emit("stop", true); },
     };
-    live.keyUsers.add(this.user);
+    live.keyTargets.add(this.target);
   },
-  unmounted() { clearInterval(this.timer); live._releaseAll(); live.keyUsers.delete(this.user); },
+  unmounted() { clearInterval(this.timer); live.releaseKeys(); live.keyTargets.delete(this.target); },
 };

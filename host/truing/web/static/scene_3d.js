@@ -5,9 +5,9 @@ const BODY_M = 0.17, BODY_HEIGHT_M = 0.16, WHEEL_M = 0.0635, WHEEL_WIDTH_M = 0.0
 const LEFT = 0xffb454, RIGHT = 0x5ccfe6;
 
 export default {
-  template: `<div class="scene-3d"><canvas tabindex="0" role="img" :aria-label="label"></canvas><p class="scene-told" role="status">{{ told }}</p></div>`,
+  template: `<div class="scene-3d"><canvas tabindex="0" role="img" :aria-label="label"></canvas><p class="scene-message" role="status">{{ message }}</p></div>`,
   props: { label: String, camera: String, sensors: Boolean },
-  data: () => ({ told: "" }),
+  data: () => ({ message: "" }),
   async mounted() {
     const { THREE, OrbitControls } = await import("nicegui-scene");
     const canvas = this.$el.querySelector("canvas");
@@ -15,7 +15,7 @@ export default {
     try {
       this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
     } catch (error) {
-      this.told = "This browser draws no 3-D (WebGL is off); the Live page shows the same from above.";
+      this.message = "This browser has no WebGL, so 3-D is not available; the Live page shows the same from above.";
       return;
     }
     this.renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
@@ -27,10 +27,10 @@ export default {
     sun.position.set(4, -6, 9);
     this.scene.add(sun);
     this.scene.add(this.floor(15), this.floor(15, 0.5));
-    this.eye = new THREE.PerspectiveCamera(50, 1, 0.02, 200);
-    this.eye.up.set(0, 0, 1);
-    this.eye.position.set(-3.2, -4.2, 3.4);
-    this.controls = new OrbitControls(this.eye, canvas);
+    this.viewpoint = new THREE.PerspectiveCamera(50, 1, 0.02, 200);
+    this.viewpoint.up.set(0, 0, 1);
+    this.viewpoint.position.set(-3.2, -4.2, 3.4);
+    this.controls = new OrbitControls(this.viewpoint, canvas);
     this.controls.maxPolarAngle = Math.PI / 2 - 0.02;
     this.controls.enableDamping = false;
     this.controls.addEventListener("change", () => { this.dirty = true; });
@@ -59,8 +59,8 @@ export default {
   },
   watch: { camera() { if (this.camera === "orbit" && this.controls) this.controls.enabled = true; } },
   methods: {
-    // Lines a metre apart, or between those. In pieces of a metre: software renderers drop a line whose end
-    // lies behind the camera.
+    // Grid lines one metre apart, optionally offset. In segments of one metre: software renderers drop a line
+    // whose end is behind the camera.
     floor(half, offset = 0) {
       const THREE = this.three, ends = [];
       for (let a = -half; a < half + 0.5; a += 1) for (let b = -half; b < half; b += 1) {
@@ -107,11 +107,11 @@ export default {
       const width = this.$el.clientWidth, height = this.$el.clientHeight;
       if (!width || !height) return;
       this.renderer.setSize(width, height, false);
-      this.eye.aspect = width / height;
-      this.eye.updateProjectionMatrix();
+      this.viewpoint.aspect = width / height;
+      this.viewpoint.updateProjectionMatrix();
       this.dirty = true;
     },
-    walls() { // the map's occupied cells as boxes, those of a row in one piece, equal rows in one piece
+    walls() { // the map's occupied cells as boxes, merged along rows and over equal rows
       const frame = live.state.frames?.world, version = live.state.world;
       if (!frame || this.version === version || this.loading) return;
       this.loading = true;
@@ -164,7 +164,7 @@ export default {
           this.wheels.forEach((wheel, i) => { this.travel[i] += last[1 + i] * dt; wheel.rotation.y = this.travel[i] / WHEEL_M; });
         }
         this.lastSample = last;
-        this.look(x, y, theta);
+        this.placeCamera(x, y, theta);
       }
       this.laser(live.state.scan);
       if (live.truth.length > 1 && live.truth.length !== this.trailLength) {
@@ -172,25 +172,25 @@ export default {
         this.trail.geometry.dispose();
         this.trail.geometry = new this.three.BufferGeometry().setFromPoints(live.truth.map((p) => new this.three.Vector3(p[0], p[1], 0.006)));
       }
-      this.renderer.render(this.scene, this.eye);
+      this.renderer.render(this.scene, this.viewpoint);
       this.drawn += 1;
     },
-    look(x, y, theta) {
+    placeCamera(x, y, theta) {
       const THREE = this.three;
       if (this.camera === "follow") {
         this.controls.enabled = false;
-        const wanted = new THREE.Vector3(x - 1.7 * Math.cos(theta), y - 1.7 * Math.sin(theta), 1.05);
-        this.eye.position.lerp(wanted, 0.12);
-        this.eye.lookAt(x + 0.5 * Math.cos(theta), y + 0.5 * Math.sin(theta), 0.1);
+        const target = new THREE.Vector3(x - 1.7 * Math.cos(theta), y - 1.7 * Math.sin(theta), 1.05);
+        this.viewpoint.position.lerp(target, 0.12);
+        this.viewpoint.lookAt(x + 0.5 * Math.cos(theta), y + 0.5 * Math.sin(theta), 0.1);
         this.controls.target.set(x, y, 0.1);
       } else if (this.camera === "top") {
         this.controls.enabled = false;
-        this.eye.position.set(x, y - 0.01, 9);
-        this.eye.lookAt(x, y, 0);
+        this.viewpoint.position.set(x, y - 0.01, 9);
+        this.viewpoint.lookAt(x, y, 0);
         this.controls.target.set(x, y, 0);
       } else {
         const target = this.controls.target, dx = 0.1 * (x - target.x), dy = 0.1 * (y - target.y);
-        target.x += dx; target.y += dy; this.eye.position.x += dx; this.eye.position.y += dy;
+        target.x += dx; target.y += dy; this.viewpoint.position.x += dx; this.viewpoint.position.y += dy;
         this.controls.update();
       }
     },
@@ -210,16 +210,16 @@ export default {
       this.points.geometry.setDrawRange(0, n);
     },
     key(event) {
-      const turn = { j: [0.12, 0], l: [-0.12, 0], i: [0, -0.1], k: [0, 0.1] }[event.key], near = { ".": 0.85, ",": 1 / 0.85 }[event.key];
-      if (!turn && !near) return;
+      const turn = { j: [0.12, 0], l: [-0.12, 0], i: [0, -0.1], k: [0, 0.1] }[event.key], zoom = { ".": 0.85, ",": 1 / 0.85 }[event.key];
+      if (!turn && !zoom) return;
       event.preventDefault();
-      const away = this.eye.position.clone().sub(this.controls.target), ball = new this.three.Spherical();
+      const offsetVector = this.viewpoint.position.clone().sub(this.controls.target), spherical = new this.three.Spherical();
       // Spherical measures from the y axis; here z is up.
-      ball.setFromCartesianCoords(away.x, away.z, -away.y);
-      if (turn) { ball.theta += turn[0]; ball.phi = Math.min(Math.PI / 2 - 0.03, Math.max(0.05, ball.phi + turn[1])); }
-      if (near) ball.radius = Math.min(40, Math.max(0.5, ball.radius * near));
-      away.setFromSpherical(ball);
-      this.eye.position.copy(this.controls.target).add(new this.three.Vector3(away.x, -away.z, away.y));
+      spherical.setFromCartesianCoords(offsetVector.x, offsetVector.z, -offsetVector.y);
+      if (turn) { spherical.theta += turn[0]; spherical.phi = Math.min(Math.PI / 2 - 0.03, Math.max(0.05, spherical.phi + turn[1])); }
+      if (zoom) spherical.radius = Math.min(40, Math.max(0.5, spherical.radius * zoom));
+      offsetVector.setFromSpherical(spherical);
+      this.viewpoint.position.copy(this.controls.target).add(new this.three.Vector3(offsetVector.x, -offsetVector.z, offsetVector.y));
     },
   },
 };

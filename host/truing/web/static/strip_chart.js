@@ -9,10 +9,10 @@ export default {
   mounted() {
     this.draw = () => this.paint();
     live.views.add(this.draw);
-    this.watch = new ResizeObserver(() => this.paint());
-    this.watch.observe(this.$el);
+    this.observer = new ResizeObserver(() => this.paint());
+    this.observer.observe(this.$el);
   },
-  unmounted() { live.views.delete(this.draw); this.watch.disconnect(); },
+  unmounted() { live.views.delete(this.draw); this.observer.disconnect(); },
   methods: {
     paint() {
       const canvas = this.$el, scale = window.devicePixelRatio || 1;
@@ -38,12 +38,12 @@ export default {
       this.panel(c, y1, h1, width, 1, "effort", end);
       const line = (index, colour, y0, h, full, dash, thick) => {
         c.beginPath(); c.strokeStyle = colour; c.lineWidth = thick; c.setLineDash(dash);
-        let down = false;
+        let drawing = false;
         for (const s of shown) {
-          if (s[index] === null) { down = false; continue; }
+          if (s[index] === null) { drawing = false; continue; }
           const x = 34 + (width - 40) * (1 - (end - s[0]) / SECONDS), y = y0 + h / 2 - s[index] / full * (h / 2 - 3);
-          if (down) c.lineTo(x, y); else c.moveTo(x, y);
-          down = true;
+          if (drawing) c.lineTo(x, y); else c.moveTo(x, y);
+          drawing = true;
         }
         c.stroke(); c.setLineDash([]);
       };

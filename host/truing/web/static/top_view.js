@@ -6,18 +6,18 @@ const LEFT = "#ffb454", RIGHT = "#5ccfe6", ROBOT = "#e6edf5";
 
 export default {
   template: `<div class="top-view"><canvas tabindex="0" role="img" :aria-label="label"></canvas>
-    <div class="top-view-read" aria-hidden="true"></div></div>`,
+    <div class="top-view-readout" aria-hidden="true"></div></div>`,
   props: { label: String, mode: String, tool: String, follow: Boolean, sensors: Boolean, grid: String,
-           ghosts: Boolean, brush: Number, scale: Number, paths: Array, nodes: Array, pose: Array, fitted: Boolean },
+           odometry: Boolean, brush: Number, scale: Number, paths: Array, nodes: Array, pose: Array, fitted: Boolean },
   mounted() {
     this.canvas = this.$el.querySelector("canvas");
-    this.read = this.$el.querySelector(".top-view-read");
+    this.readout = this.$el.querySelector(".top-view-readout");
     this.centre = [0, 0]; this.zoom = this.scale || 100; this.images = {}; this.travel = [0, 0];
     this.stroke = null; this.pointers = new Map(); this.dirty = true; this.playing = null; this.lastSample = null;
-    this.draw = () => { this.take(); this.paint(); };
+    this.draw = () => { this.update(); this.paint(); };
     live.views.add(this.draw);
-    this.watch = new ResizeObserver(() => { if (this.fitted && !this.touched) this.fit(); this.paint(); });
-    this.watch.observe(this.$el);
+    this.observer = new ResizeObserver(() => { if (this.fitted && !this.touched) this.fit(); this.paint(); });
+    this.observer.observe(this.$el);
     const on = (name, handler) => this.canvas.addEventListener(name, handler, { passive: false });
     on("wheel", (e) => { e.preventDefault(); this.zoomAt(e, Math.exp(-e.deltaY * 0.0015)); });
     on("pointerdown", (e) => this.down(e)); on("pointermove", (e) => this.move(e));
@@ -28,7 +28,7 @@ export default {
     if (this.fitted) this.fit();
     this.paint();
   },
-  unmounted() { live.views.delete(this.draw); this.watch.disconnect(); cancelAnimationFrame(this.playing?.frame); },
+  unmounted() { live.views.delete(this.draw); this.observer.disconnect(); cancelAnimationFrame(this.playing?.frame); },
   watch: {
     paths() { if (this.fitted && !this.touched) this.fit(); this.paint(); }, nodes() { this.paint(); }, pose() { this.paint(); },
     grid() { this.paint(); }, sensors() { this.paint(); }, tool() { this.paint(); },
@@ -64,14 +64,14 @@ export default {
       this.paint();
     },
     robotPose() { return this.mode === "model" ? (this.playing?.pose || this.modelPose || this.pose) : this.mode === "paths" ? null : live.corrected; },
-    // Called from Python for what changes too often for a property.
+    // Called from Python for values that change too often for a property.
     setModel(pose, path) { this.modelPose = pose; if (path) this.modelPath = path; this.paint(); },
     play(poses, seconds) {
       cancelAnimationFrame(this.playing?.frame);
-      const began = performance.now();
+      const started = performance.now();
       const tick = (now) => {
-        // A frame's time may lie before the call that asked for it.
-        const share = Math.min(1, Math.max(0, (now - began) / 1000 / seconds)), index = share * (poses.length - 1), k = Math.floor(index), f = index - k;
+        // The time of a frame may be before the call that requested it.
+        const share = Math.min(1, Math.max(0, (now - started) / 1000 / seconds)), index = share * (poses.length - 1), k = Math.floor(index), f = index - k;
         const a = poses[k], b = poses[Math.min(k + 1, poses.length - 1)];
         this.playing.pose = a.map((v, i) => v + f * (b[i] - v));
         this.paint();
@@ -80,7 +80,7 @@ export default {
       };
       this.playing = { pose: poses[0], frame: requestAnimationFrame(tick) };
     },
-    take() {
+    update() {
       const samples = live.samples, last = samples[samples.length - 1];
       if (!last || this.mode !== "live") return;
       if (this.lastSample && last[0] > this.lastSample[0]) {
@@ -125,7 +125,7 @@ export default {
     },
     move(event) {
       const point = this.at(event);
-      this.read.textContent = `${point[0].toFixed(2)}, ${point[1].toFixed(2)} m`;
+      this.readout.textContent = `${point[0].toFixed(2)}, ${point[1].toFixed(2)} m`;
       this.cursor = point;
       const before = this.pointers.get(event.pointerId);
       if (!before) { if (this.tool && this.tool !== "pan") this.paint(); return; }
@@ -172,7 +172,7 @@ export default {
       event.preventDefault();
       this.paint();
     },
-    keyTool() { // by keyboard alone a tool works at the middle of the view
+    keyTool() { // by keyboard a tool is applied at the centre of the view
       const c = this.centre;
       if (this.tool === "line" || this.tool === "arc") this.$emit("node", { x: c[0], y: c[1], kind: this.tool });
       else if (this.tool === "place") this.$emit("place", { x: c[0], y: c[1], theta: 0 });
@@ -181,7 +181,7 @@ export default {
       else this.mark = [...c];
       this.paint();
     },
-    // ---- picture
+    // ---- drawing
     paint() {
       const canvas = this.canvas, ratio = window.devicePixelRatio || 1;
       this.w = canvas.clientWidth; this.h = canvas.clientHeight;
@@ -199,7 +199,7 @@ export default {
       if (this.mode !== "paths" && this.mode !== "model" && this.sensors && live.state.scan) this.beams(c, live.state.scan);
       if (this.mode === "live" || this.mode === "world") {
         this.polyline(c, live.truth, ROBOT, 1.6, []);
-        if (this.ghosts) this.polyline(c, live.trail, "#ff9e64", 1.4, [5, 4]);
+        if (this.odometry) this.polyline(c, live.trail, "#ff9e64", 1.4, [5, 4]);
       }
       for (const path of this.paths || []) this.path(c, path);
       if (this.modelPath) this.polyline(c, this.modelPath, "#7ee787", 2, []);
@@ -207,12 +207,12 @@ export default {
       if (this.stroke) this.preview(c);
       else if (this.cursor && (this.tool === "paint" || this.tool === "erase")) this.ring(c, this.cursor);
       if (this.mode !== "paths") {
-        if (this.mode !== "model" && this.ghosts && live.odometry) this.robot(c, live.odometry, true);
+        if (this.mode !== "model" && this.odometry && live.odometry) this.robot(c, live.odometry, true);
         const pose = this.robotPose();
         if (pose) this.robot(c, pose, false);
       }
       if (this.tool && this.tool !== "pan" && document.activeElement === canvas) this.cross(c);
-      this.ruler(c);
+      this.scaleBar(c);
     },
     picture(c, picture, frame, alpha) {
       if (!picture || !frame) return;
@@ -308,11 +308,12 @@ export default {
       c.strokeStyle = "#94a1b2"; c.lineWidth = 1; c.beginPath();
       c.moveTo(x - 8, y); c.lineTo(x + 8, y); c.moveTo(x, y - 8); c.lineTo(x, y + 8); c.stroke();
     },
-    robot(c, pose, ghost) {
+    robot(c, pose, odometry) {
       const [x, y] = this.toScreen(pose[0], pose[1]), z = this.zoom;
       c.save();
+      if (live.stale && this.mode !== "model") c.globalAlpha = 0.35;
       c.translate(x, y); c.rotate(-pose[2]);
-      if (ghost) {
+      if (odometry) {
         c.strokeStyle = "#ff9e64"; c.setLineDash([4, 3]); c.lineWidth = 1.5;
         c.beginPath(); c.arc(0, 0, BODY_M * z, 0, 2 * Math.PI); c.moveTo(0, 0); c.lineTo(BODY_M * z, 0); c.stroke();
         c.restore();
@@ -337,7 +338,7 @@ export default {
       c.fillStyle = ROBOT; c.fill();
       c.restore();
     },
-    ruler(c) {
+    scaleBar(c) {
       const metres = this.zoom > 180 ? 0.5 : this.zoom > 60 ? 1 : this.zoom > 25 ? 2 : 5, length = metres * this.zoom;
       c.strokeStyle = "#c9d3df"; c.lineWidth = 1.5; c.beginPath();
       c.moveTo(14, this.h - 20); c.lineTo(14, this.h - 14); c.lineTo(14 + length, this.h - 14); c.lineTo(14 + length, this.h - 20); c.stroke();
@@ -347,7 +348,7 @@ export default {
   },
 };
 
-function tint(picture) { // occupied cells in one colour, the rest clear
+function tint(picture) { // occupied cells in one colour, the rest transparent
   const canvas = document.createElement("canvas");
   canvas.width = picture.width; canvas.height = picture.height;
   const c = canvas.getContext("2d");

@@ -1,4 +1,4 @@
-/* Faults with handlers that put things right and go on; what they saw is kept for the test. */
+/* Faults with handlers that correct the cause and return; what they observed is kept for the test. */
 #include "chip.h"
 
 struct seen {

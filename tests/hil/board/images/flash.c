@@ -1,4 +1,4 @@
-/* Erases and programs sector 1 on command, and times it in core cycles. */
+/* Erases and programs sector 1 on command, and times it in CPU cycles. */
 #include "chip.h"
 
 volatile uint32_t command, state, erase_cycles, program_cycles, status, refused;

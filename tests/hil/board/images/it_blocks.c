@@ -1,4 +1,4 @@
-/* IT blocks of all lengths while an interrupt, whose period changes at each tick, spoils every flag. */
+/* IT blocks of all lengths while an interrupt, whose period changes at each tick, overwrites every flag. */
 #include "chip.h"
 
 volatile uint32_t wrong, rounds, ticks, pages_wrong;

@@ -1,0 +1,42 @@
+/* Everything that the controller keeps: what controller.c and requests.c work on. */
+#ifndef CONTROLLER_STATE_H
+#define CONTROLLER_STATE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "can_link.h"
+#include "hal.h"
+#include "link.h"
+#include "robot_state.h"
+
+enum { CONTROLLER_TICK_HZ = 1000 };
+
+/* Where a request came from, and its reply goes to. */
+enum controller_port { PORT_SERIAL, PORT_CAN, CONTROLLER_PORTS };
+
+/* The last changing request with its reply: when the same frame comes again, the reply was lost. */
+struct reply_cache {
+    bool valid;
+    uint8_t request_id;
+    uint16_t sequence;
+    uint32_t crc;
+    uint8_t reply_id;
+    uint8_t length;
+    uint8_t reply[16]; /* the replies of changing requests are short */
+};
+
+struct controller {
+    struct robot robot;
+    struct link link;
+    struct can_link can;
+    struct hal_identity identity;
+    uint8_t port;                               /* of the request that is being answered */
+    struct reply_cache cache[CONTROLLER_PORTS]; /* one for each port: two hosts do not share one */
+    uint32_t fed_at_ms;                         /* the tick at which the watchdog was last fed */
+    uint32_t bus_off_ms; /* when the CAN controller was last seen off a bus that had worked */
+    bool bus_off;        /* it was, within the last second */
+    uint8_t reply[PROTO_MAX_PAYLOAD];
+};
+
+#endif

@@ -1,0 +1,1 @@
+"""The board's clock related to this computer's."""

@@ -1,0 +1,55 @@
+"""Input of a diagnosis: its options, reading recordings with their baseline, leaving signals out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from truing.importers import import_file, is_foreign
+from truing.recording.baseline import read_baseline
+from truing.recording.reader import read_recording_set
+from truing.recording.run import RecordingSet, Run, Wheel
+
+_OUTSIDE_COLUMNS = ("truth_x_m", "truth_y_m", "truth_theta_rad", "gyro_z_radps")
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """How to diagnose.
+
+    Attributes
+    ----------
+    sim_runs : folder with another simulator's output, instead of the baseline's own.
+    wheels_only : leave pose and yaw rate aside.
+    jobs : threads; None: one for each core.
+    commanded : the wheels were not measured, or share the error in question: compare the pose with the
+        commands.
+    floor_m : floor that a proposed run may use, m; None: as much as the recorded runs used.
+    wheel : diagnose this wheel alone.
+    """
+
+    sim_runs: Path | None = None
+    wheels_only: bool = False
+    jobs: int | None = None
+    floor_m: float | None = None
+    commanded: bool = False
+    wheel: Wheel | None = None
+
+
+def read_input(path: Path, model: Path | None) -> RecordingSet:
+    """A recording set, a folder of CSV files, one CSV file, or a foreign file, with its baseline."""
+    if not is_foreign(path):
+        return read_recording_set(path, model)
+    imported = import_file(path)
+    baseline = None if model is None else read_baseline(model)
+    return RecordingSet(path.name.split(".")[0], imported.runs, baseline, path)
+
+
+def without_pose(recordings: RecordingSet) -> RecordingSet:
+    """The same runs without the signals from outside the wheels."""
+
+    def stripped(run: Run) -> Run:
+        columns = {name: values for name, values in run.columns.items() if name not in _OUTSIDE_COLUMNS}
+        return replace(run, columns=columns)
+
+    return replace(recordings, runs=tuple(stripped(run) for run in recordings))

@@ -1,0 +1,104 @@
+"""The user's baseline with what the diagnosis found: as a baseline, and as a model for the exporters."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+from truing.diagnose.present.text import alternatives, effect_title, joined
+from truing.diagnose.result import Diagnosis, NamedEffect
+from truing.exporters.source import from_baseline
+from truing.model.robot_model import RobotModel
+from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
+
+
+@dataclass(frozen=True, slots=True)
+class CorrectedModel:
+    """What to simulate from now on.
+
+    Attributes
+    ----------
+    baseline : every effect by its documented names, numbers refitted with them.
+    model : the part of it that a wheel's physics can express, for the exporters.
+    notes : what `model` leaves out, and what was chosen where the verdict leaves a choice.
+    """
+
+    baseline: Baseline
+    model: RobotModel
+    notes: tuple[str, ...]
+
+    def to_toml(self) -> str:
+        """A model file that is a baseline with every effect in it, also those that no wheel's physics has."""
+        held = self.model.effects()
+        more = [_table(name, table) for name, table in self.baseline.effects.items() if name not in held]
+        return "\n".join([self.model.to_toml(), *more])
+
+
+def corrected_model(diagnosis: Diagnosis, baseline: Baseline) -> CorrectedModel:
+    """Put the refitted numbers and the named effects (of the likeliest explanation) into the baseline."""
+    notes = []
+    chosen = chosen_effects(diagnosis)
+    if diagnosis.verdict == "ambiguous":
+        others = [" with ".join(map(effect_title, names)) for names in alternatives(diagnosis)[1:]]
+        here = joined([effect_title(effect.name) for effect in chosen])
+        notes.append(f"{here} is taken, the likeliest; {joined(others, 'or')} explains as much")
+    if diagnosis.verdict == "unexplained":
+        notes.append("only the parameters are refitted: the mismatch is not in the catalogue")
+    effects: dict[str, dict[str, Any]] = {name: dict(table) for name, table in baseline.effects.items()}
+    if diagnosis.verdict != "consistent":
+        for name, parameters in diagnosis.baseline_effects.items():
+            effects[name] = {key: item.value for key, item in parameters.items()}
+    for effect in chosen:
+        effects[effect.name] = {name: item.value for name, item in effect.parameters.items()}
+    left, right = (_wheel(diagnosis, baseline, side) for side in ("left", "right"))
+    robot = baseline.robot
+    if "wheelbase_error" in effects and robot is not None and robot.wheelbase_m is not None:
+        factor = float(effects.pop("wheelbase_error")["factor"])
+        robot = replace(robot, wheelbase_m=factor * robot.wheelbase_m)
+    if "side_asymmetry" in effects:
+        left, right = _sides(left, right, effects.pop("side_asymmetry"))
+    corrected = replace(baseline, left=left, right=right, robot=robot, effects=effects)
+    model, unused = from_baseline(corrected)
+    named = tuple(effect_title(effect.name) for effect in chosen)
+    source = {"diagnosis": f"{diagnosis.name}, {diagnosis.verdict.replace('_', ' ')}"}
+    if named:
+        source["added"] = joined(named)
+    model = replace(model, robot=corrected.robot or RobotGeometry(), source=source)
+    return CorrectedModel(corrected, model, (*notes, *unused))
+
+
+def chosen_effects(diagnosis: Diagnosis) -> tuple[NamedEffect, ...]:
+    """The named effects that act together in the likeliest explanation."""
+    if diagnosis.verdict == "partly_explained":
+        return tuple(effect for effect in diagnosis.effects if effect.explanation == 0)
+    if diagnosis.verdict != "ambiguous":
+        return diagnosis.effects
+    first = alternatives(diagnosis)[0]
+    return tuple(effect for effect in diagnosis.effects if effect.name in first)
+
+
+def _wheel(diagnosis: Diagnosis, baseline: Baseline, side: str) -> WheelModel:
+    given = baseline.left if side == "left" else baseline.right
+    if diagnosis.verdict == "consistent":
+        return given
+    values = {entry.name: entry.with_effects.value for entry in diagnosis.numbers if entry.wheel == side}
+    return WheelModel(
+        values.get("gain_mps", given.gain_mps), values.get("time_constant_s", given.time_constant_s)
+    )
+
+
+def _sides(left: WheelModel, right: WheelModel, ratios: dict[str, Any]) -> tuple[WheelModel, WheelModel]:
+    """Two different wheels in place of two equal ones, whose numbers are the geometric means."""
+    gain = math.sqrt(float(ratios["gain_ratio"]))
+    constant = math.sqrt(float(ratios["time_constant_ratio"]))
+    return (
+        WheelModel(left.gain_mps * gain, left.time_constant_s * constant),
+        WheelModel(right.gain_mps / gain, right.time_constant_s / constant),
+    )
+
+
+def _table(name: str, table: dict[str, Any]) -> str:
+    lines = [f"[effect.{name}]"]
+    lines += [f"{key} = {float(value)!r}" for key, value in table.items() if isinstance(value, int | float)]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,77 @@
+"""The files of `--export KIND:FILE`: checked before the diagnosis, written after it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from truing.diagnose.present.compensation import compensate
+from truing.diagnose.present.corrected_model import corrected_model
+from truing.diagnose.result import Diagnosis
+from truing.errors import TruingError
+from truing.exporters import exporter, exporters, notes
+from truing.recording.run import RecordingSet
+from truing.recording.writer import replace_file
+from truing_protocol import PARAMETERS
+
+BOARD = "params"
+
+
+@dataclass(frozen=True, slots=True)
+class Export:
+    """One file that is wanted."""
+
+    kind: str
+    path: Path
+
+
+def parse_exports(texts: Sequence[str]) -> tuple[Export, ...]:
+    """`KIND:FILE` each; an unknown kind is an error that lists the kinds."""
+    kinds = (*exporters(), BOARD)
+    found = []
+    for text in texts:
+        kind, separator, file = text.partition(":")
+        if not separator or not file:
+            raise TruingError(
+                f"--export {text}: it must be KIND:FILE", "for example --export toml:model.toml"
+            )
+        if kind not in kinds:
+            raise TruingError(f"--export {text}: there is no kind {kind!r}", f"There are: {', '.join(kinds)}")
+        found.append(Export(kind, Path(file)))
+    return tuple(found)
+
+
+def write_exports(wanted: Sequence[Export], recordings: RecordingSet, diagnosis: Diagnosis) -> list[str]:
+    """Write each file; one line for each, and one for everything that a format cannot hold."""
+    baseline = recordings.baseline
+    assert baseline is not None
+    corrected = corrected_model(diagnosis, baseline)
+    lines = [f"note: {note}" for note in corrected.notes]
+    for export in wanted:
+        if export.kind == BOARD:
+            lines += _write_parameters(export.path, recordings, diagnosis)
+        elif export.kind == "toml":
+            replace_file(export.path, corrected.to_toml().encode("utf-8"))
+            lines.append(f"written: {export.path}")
+        else:
+            files = exporter(export.kind).write(corrected.model, export.path)
+            lines += [f"written: {file}" for file in files]
+            lines += [f"note: {export.kind}: {note}" for note in notes(export.kind, corrected.model)]
+    return lines
+
+
+def _write_parameters(path: Path, recordings: RecordingSet, diagnosis: Diagnosis) -> list[str]:
+    assert recordings.baseline is not None
+    found = diagnosis.compensation or compensate(diagnosis, recordings.baseline)
+    if found is None or not found.parameters:
+        return [f"not written: {path} (there is nothing that the board can compensate)"]
+    documents = {item.name: item for item in PARAMETERS}
+    lines = [f"# From the diagnosis of {diagnosis.name}".replace("\n", " ")]
+    lines += ["# `truing params load --file` puts them into force.", "", "[parameters]"]
+    for name, value in found.parameters.items():
+        item = documents[name]
+        unit = f"{item.unit}; " if item.unit else ""
+        lines.append(f"{name} = {value:.6g}  # {unit}{item.doc}")
+    replace_file(path, ("\n".join(lines) + "\n").encode("utf-8"))
+    return [f"written: {path}", *(f"note: params: {note}" for note in found.notes)]

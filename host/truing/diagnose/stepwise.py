@@ -1,0 +1,93 @@
+"""Forward and backward steps over the catalogue, judged on runs left out.
+
+A robot has several effects at once, and a model that lacks some of them hides the others in its error.
+From the best model so far every other effect is tried; of the most likely the one with the smallest error on
+runs left out is kept, if it is significant and lowers that error. At the end every earlier effect is taken
+out again to see whether it is still needed (stepwise regression: Efroymson 1960; cross-validation: Stone
+1974).
+"""
+
+from __future__ import annotations
+
+from truing.diagnose.compare import SIGNIFICANT_GAIN
+from truing.diagnose.fit import Fit, fit
+from truing.diagnose.intervals import covariance, not_different_from_absent
+from truing.diagnose.noise_updates import under_noise_of
+from truing.diagnose.search import Search, effect_set
+from truing.diagnose.unseen_runs import NEGLIGIBLE, SIMILAR_BENEFIT, UnseenRuns
+from truing.diagnose.verdict import is_incomplete
+
+# Effects in one model, candidates that are fitted in one step, and of these tried on runs left out, at most.
+MAX_EFFECTS, MAX_CANDIDATES, MAX_TRIED = 6, 4, 3
+# An effect whose likelihood is not significant lowers the error on runs left out by at least this share, and
+# adds to runs that it makes worse at most this share of what it removes from others.
+MIN_BENEFIT, MAX_LOSS_SHARE = 0.03, 0.25
+
+
+def extend_model(search: Search, best: Fit) -> tuple[Search, Fit]:
+    """Add effects to `best` while something is unexplained and each is worth it.
+
+    Returns
+    -------
+    The search under the noise model of the last fit, and the model.
+    """
+    first = len(best.effects)
+    while len(best.effects) < MAX_EFFECTS and is_incomplete(search, best):
+        found = _next_effect(search, best)
+        if found is None:
+            break
+        search = under_noise_of(search, found)
+        best = search.fits[effect_set(*found.effects)]
+    return search, _pruned(search, best) if len(best.effects) > first else best
+
+
+def without_uncertain_effects(search: Search, best: Fit) -> Fit:
+    """`best` without effects whose intervals contain that they are absent, the least likely first."""
+    while best.effects:
+        spread = covariance(search.problem, best)
+        uncertain = not_different_from_absent(search.problem, best, spread)
+        if not uncertain:
+            break
+        fewer = [_without(search, best, name) for name in uncertain]
+        best = min(fewer, key=lambda one: one.cost)
+    return best
+
+
+def _without(search: Search, best: Fit, name: str) -> Fit:
+    rest = effect_set(*(other for other in best.effects if other != name))
+    if rest not in search.fits:
+        search.fits[rest] = fit(search.problem, rest, best.theta, iterations=10)
+    return search.fits[rest]
+
+
+def _next_effect(search: Search, best: Fit) -> Fit | None:
+    """The best model with one effect more, or None where none is worth it."""
+    unseen = UnseenRuns(search.problem)
+    tried = [search.refined(one, best) for one in search.quick_fits(best, MAX_CANDIDATES)[:MAX_TRIED]]
+    worth = [one for one in tried if is_worth_it(search, unseen, one, best)]
+    largest = max((unseen.benefit(one, best) for one in worth), default=0.0)
+    # Where benefits are alike the likelihood decides; `tried` is in its order.
+    return next((one for one in worth if unseen.benefit(one, best) > largest - SIMILAR_BENEFIT), None)
+
+
+def is_worth_it(search: Search, unseen: UnseenRuns, one: Fit, other: Fit) -> bool:
+    """Whether `one` is significantly better than `other`, which it contains, and better on runs left out.
+
+    Where a model leaves more than noise, no noise model is right and the likelihood is only a lower bound:
+    there a benefit on runs left out, at the cost of no other run, is evidence as well.
+    """
+    if search.compare(one, other).robust_gain > SIGNIFICANT_GAIN:
+        return unseen.benefit(one, other) > NEGLIGIBLE
+    if not search.problem.exceeds_noise(other.residual.speeds):
+        return False
+    return unseen.benefit(one, other) > MIN_BENEFIT and unseen.loss_share(one, other) < MAX_LOSS_SHARE
+
+
+def _pruned(search: Search, best: Fit) -> Fit:
+    """`best` without the effects that it no longer needs."""
+    unseen = UnseenRuns(search.problem)
+    for name in best.effects[:-1]:
+        less = _without(search, best, name)
+        if not is_worth_it(search, unseen, best, less):
+            return _pruned(search, less)
+    return best

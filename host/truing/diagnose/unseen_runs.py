@@ -1,0 +1,70 @@
+"""Benefit of one model over another on runs left out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from truing.arrays import FloatArray
+from truing.diagnose.fit import Fit
+from truing.diagnose.held_out import folds_of, held_out
+from truing.diagnose.pose_windows import pose_folds, pose_rmse
+from truing.diagnose.problem import Problem
+from truing.diagnose.search import effect_set
+
+# A change of an error by less than this share is none.
+NEGLIGIBLE = 0.01
+# Benefits that differ by less than this are alike.
+SIMILAR_BENEFIT = 0.06
+
+
+@dataclass(frozen=True, slots=True)
+class UnseenErrors:
+    """Free-run errors of one model on runs left out.
+
+    Attributes
+    ----------
+    wheels : RMS over both wheels, m/s.
+    pose : RMS over the pose's windows, m; 0 without a pose.
+    by_run : shape (runs,), sum of squared wheel errors of each run, m^2/s^2.
+    """
+
+    wheels: float
+    pose: float
+    by_run: FloatArray
+
+
+@dataclass
+class UnseenRuns:
+    """Errors on runs left out, each model's computed once."""
+
+    problem: Problem
+    _known: dict[tuple[str, ...], UnseenErrors] = field(default_factory=dict)
+
+    def errors(self, one: Fit) -> UnseenErrors:
+        """Errors of the structure of `one`, fitted without each part of the runs in turn."""
+        name = effect_set(*one.effects)
+        if name not in self._known:
+            data = self.problem.data
+            folds = folds_of(data)
+            found = held_out(self.problem, one, folds, pose_folds(self.problem, folds))
+            pose = pose_rmse(self.problem, found.pose) if len(found.pose) else 0.0
+            square = (found.error**2 * (self.problem.counted > 0.0)).sum(axis=1)
+            by_run: FloatArray = np.bincount(data.run_of_row, square, data.runs).astype(np.float64)
+            self._known[name] = UnseenErrors(found.rmse(self.problem.counted), pose, by_run)
+        return self._known[name]
+
+    def benefit(self, one: Fit, other: Fit) -> float:
+        """Share by which `one` lowers the error of wheels or pose; negative where it raises either."""
+        a, b = self.errors(one), self.errors(other)
+        shares = [1.0 - a.wheels / max(b.wheels, 1e-12)]
+        if b.pose > 0.0:
+            shares.append(1.0 - a.pose / b.pose)
+        return min(shares) if min(shares) < -NEGLIGIBLE else max(shares)
+
+    def loss_share(self, one: Fit, other: Fit) -> float:
+        """Squared error that `one` adds to the runs that it makes worse, over what it removes in others."""
+        change = self.errors(one).by_run - self.errors(other).by_run
+        removed = -float(change[change < 0.0].sum())
+        return float(change[change > 0.0].sum()) / max(removed, 1e-12)

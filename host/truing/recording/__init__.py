@@ -1,0 +1,1 @@
+"""Recordings and baselines: in memory, read and written."""

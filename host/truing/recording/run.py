@@ -1,0 +1,223 @@
+"""Recordings in memory: one run, and a set of runs (docs/DATA_FORMAT.md, 1 and 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from truing.errors import IdentifyError
+from truing.recording.baseline import Baseline
+
+FloatArray: TypeAlias = NDArray[np.float64]
+Wheel: TypeAlias = Literal["left", "right"]
+SpeedSource: TypeAlias = Literal["ticks", "vel", "pos"]
+
+WHEELS: tuple[Wheel, Wheel] = ("left", "right")
+MODES = ("idle", "effort", "velocity")
+MINIMUM_ROWS = 20
+
+REQUIRED_COLUMNS = ("t_s", "effort_left", "effort_right")
+MOTION_PAIRS: dict[SpeedSource, tuple[str, str]] = {
+    "ticks": ("ticks_left", "ticks_right"),
+    "vel": ("vel_left_mps", "vel_right_mps"),
+    "pos": ("pos_left_m", "pos_right_m"),
+}
+OPTIONAL_COLUMNS = (
+    "cmd_left",
+    "cmd_right",
+    "x_m",
+    "y_m",
+    "theta_rad",
+    "battery_v",
+    "truth_x_m",
+    "truth_y_m",
+    "truth_theta_rad",
+    "gyro_z_radps",
+)
+NUMERIC_COLUMNS = frozenset(
+    REQUIRED_COLUMNS + OPTIONAL_COLUMNS + tuple(name for pair in MOTION_PAIRS.values() for name in pair)
+)
+
+# A pause this many times the usual sampling interval is a gap: what happened inside it is unknown.
+GAP_FACTOR = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class RunMetadata:
+    """How a run came about; kept beside its CSV and never needed to read it.
+
+    `extra` keeps whatever else the file holds, so that reading and writing lose nothing.
+    """
+
+    firmware: dict[str, Any] = field(default_factory=dict)
+    parameters: dict[str, float] = field(default_factory=dict)
+    plan: dict[str, Any] = field(default_factory=dict)
+    seed: int | None = None
+    pause_before_s: float | None = None
+    extra: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class WheelSpeed:
+    """Speed of one wheel at the rim.
+
+    Attributes
+    ----------
+    values : shape (n,), m/s; row k is the mean over the interval that ends at `t_s[k]`.
+    source : the pair of columns that it comes from.
+    resolution : one encoder count per row, m/s; 0 where counts are not known.
+    """
+
+    values: FloatArray
+    source: SpeedSource
+    resolution: float
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run: columns of equal length n, sorted by time.
+
+    Attributes
+    ----------
+    name : the file's name without `.csv`; it orders the runs of a set.
+    columns : every column that holds numbers, by its name in the file, each of shape (n,).
+    mode : `idle`, `effort` or `velocity` per row, or None when the file does not say.
+    text_columns : unknown columns that do not hold numbers, as they stand.
+    order : all column names in the file's order.
+    """
+
+    name: str
+    columns: dict[str, FloatArray]
+    mode: tuple[str, ...] | None = None
+    text_columns: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    order: tuple[str, ...] = ()
+    path: Path | None = None
+    metadata: RunMetadata | None = None
+    warnings: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.t_s)
+
+    @property
+    def t_s(self) -> FloatArray:
+        """Device time, shape (n,), s; it never decreases."""
+        return self.columns["t_s"]
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first row to the last, s."""
+        return float(self.t_s[-1] - self.t_s[0])
+
+    @property
+    def interval_s(self) -> float:
+        """The usual time between rows (median), s."""
+        steps = np.diff(self.t_s)
+        steps = steps[steps > 0.0]
+        return float(np.median(steps)) if steps.size else 0.0
+
+    @property
+    def rate_hz(self) -> float:
+        """The usual sampling rate, Hz."""
+        interval = self.interval_s
+        return 1.0 / interval if interval > 0.0 else 0.0
+
+    def gaps(self) -> NDArray[np.intp]:
+        """Rows (index into the arrays) that come right after a gap, in order."""
+        return np.flatnonzero(np.diff(self.t_s) > GAP_FACTOR * self.interval_s) + 1
+
+    def effort(self, wheel: Wheel) -> FloatArray:
+        """Applied effort, shape (n,), -1..1, mean over the interval that ends at each row."""
+        return self.columns[f"effort_{wheel}"]
+
+    def command(self, wheel: Wheel) -> FloatArray | None:
+        """The command, shape (n,), effort fraction or m/s as `mode` says, or None."""
+        return self.columns.get(f"cmd_{wheel}")
+
+    def has_pair(self, source: SpeedSource) -> bool:
+        """Whether both columns of a motion pair are there."""
+        return all(name in self.columns for name in MOTION_PAIRS[source])
+
+    def pose(self) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+        """On-board odometry x (m), y (m), theta (rad), each of shape (n,), or None."""
+        names = ("x_m", "y_m", "theta_rad")
+        if not all(name in self.columns for name in names):
+            return None
+        return self.columns["x_m"], self.columns["y_m"], self.columns["theta_rad"]
+
+    def travel(self, wheel: Wheel, baseline: Baseline | None) -> FloatArray | None:
+        """Wheel travel at the rim since the first row, shape (n,), m.
+
+        From counts (with the baseline's radius and counts per revolution), else from positions,
+        else from the integrated speed.
+        """
+        scale = None if baseline is None else baseline.metres_per_count
+        if self.has_pair("ticks") and scale is not None:
+            travel = self.columns[f"ticks_{wheel}"] * scale
+        elif self.has_pair("pos"):
+            travel = self.columns[f"pos_{wheel}_m"]
+        elif self.has_pair("vel"):
+            steps = np.diff(self.t_s, prepend=self.t_s[0])
+            travel = np.cumsum(self.columns[f"vel_{wheel}_mps"] * steps)
+        else:
+            return None
+        from_start: FloatArray = travel - travel[0]
+        return from_start
+
+    def speed(self, wheel: Wheel, baseline: Baseline | None = None) -> WheelSpeed:
+        """Wheel speed from the best source that the run has.
+
+        Counts come first: they are exact, and no filter has touched them. Then the speed that
+        the recorder reports. Differenced positions come last: recorders that log both tend to
+        repeat or reset positions, which turns into spikes (measured on real recordings).
+        """
+        scale = None if baseline is None else baseline.metres_per_count
+        if self.has_pair("ticks") and scale is not None:
+            values = _difference(self.t_s, self.columns[f"ticks_{wheel}"] * scale)
+            return WheelSpeed(values, "ticks", scale * self.rate_hz)
+        if self.has_pair("vel"):
+            values = self.columns[f"vel_{wheel}_mps"]
+            return WheelSpeed(values, "vel", 0.0)
+        if self.has_pair("pos"):
+            travel = self.columns[f"pos_{wheel}_m"]
+            return WheelSpeed(_difference(self.t_s, travel), "pos", 0.0)
+        raise IdentifyError(
+            f"{self.path or self.name}: it has encoder counts only, and nothing says how far one count is",
+            "Give --model a baseline.toml whose [robot] has wheel_radius_m and counts_per_rev",
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingSet:
+    """Runs of one robot in the order they were recorded, with the baseline beside them, if any."""
+
+    name: str
+    runs: tuple[Run, ...]
+    baseline: Baseline | None = None
+    path: Path | None = None
+
+    def __iter__(self) -> Iterator[Run]:
+        return iter(self.runs)
+
+    def __len__(self) -> int:
+        return len(self.runs)
+
+
+def _difference(t_s: FloatArray, travel: FloatArray) -> FloatArray:
+    """Mean speed per interval, shape (n,); row 0 repeats row 1.
+
+    Rows with the same time stamp share the speed of the interval that ends there.
+    """
+    last_of_time = np.flatnonzero(np.append(np.diff(t_s) > 0.0, True))
+    times = t_s[last_of_time]
+    if times.size < 2:
+        return np.zeros_like(t_s)
+    with np.errstate(over="ignore"):
+        speed = np.diff(travel[last_of_time]) / np.diff(times)
+    speed = np.concatenate((speed[:1], speed))
+    return speed[np.searchsorted(times, t_s)]
+

@@ -1,0 +1,1 @@
+"""The studies that come with truing: two papers, and recordings of real robots."""

@@ -1,0 +1,54 @@
+"""Real drivetrains and the baseline each is diagnosed from: what a user without friction and delay has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from truing.errors import FileError
+from truing.identify.grey_box import fit_wheel
+from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
+from truing.recording.reader import read_recording_set
+from truing.recording.run import WHEELS, RecordingSet, Run, Wheel
+
+
+def read_drivetrain(folder: Path) -> RecordingSet:
+    """A recording set with the linear baseline that its own runs give."""
+    recordings = read_recording_set(folder)
+    robot = RobotGeometry(name=folder.name)
+    if recordings.baseline is not None and recordings.baseline.robot is not None:
+        robot = recordings.baseline.robot
+    return replace(recordings, baseline=linear_baseline(recordings.runs, robot))
+
+
+def linear_baseline(runs: Sequence[Run], robot: RobotGeometry, wheels: Sequence[Wheel] = WHEELS) -> Baseline:
+    """Gain and time constant of each wheel, identified under a model that has nothing else.
+
+    Parameters
+    ----------
+    wheels : those that are there; one that is not gets the numbers of the first that is.
+    """
+    geometry = Baseline(Path("baseline.toml"), WheelModel(1.0, 1.0), WheelModel(1.0, 1.0), robot)
+    found = {wheel: _linear(runs, wheel, geometry) for wheel in wheels}
+    left, right = (found.get(wheel, found[wheels[0]]) for wheel in WHEELS)
+    return replace(geometry, left=left, right=right)
+
+
+def _linear(runs: Sequence[Run], wheel: Wheel, geometry: Baseline) -> WheelModel:
+    found = fit_wheel(runs, wheel, "linear", geometry, hold_out=False, intervals=False).physics
+    return WheelModel(found.gain_mps, found.time_constant_s)
+
+
+def set_folders(recordings: Path) -> tuple[Path, ...]:
+    """The folders of the sets under `real/`, in the order of their names.
+
+    Raises
+    ------
+    FileError : there is no such folder, or it is empty.
+    """
+    real = recordings / "real"
+    folders = sorted(path for path in real.iterdir() if (path / "runs").is_dir()) if real.is_dir() else []
+    if not folders:
+        raise FileError(real, "holds no recording set", "Each set is a folder with runs/*.csv in it")
+    return tuple(folders)

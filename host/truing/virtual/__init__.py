@@ -1,0 +1,1 @@
+"""Virtual boards inside this process: made from what the user chose, alone or on a CAN bus."""

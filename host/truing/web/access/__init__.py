@@ -1,0 +1,1 @@
+"""Access control: allowed hosts, token, and the single driver."""

@@ -1,0 +1,1 @@
+"""The web socket of each page: frames out, keys in."""

@@ -1,0 +1,1 @@
+"""Simulated runs and error models, compared with recordings."""

@@ -1,0 +1,140 @@
+"""Components with scripts of their own: floor, 3-D scene, strip chart, keys, drop zone, slider, figure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import nicegui.elements.scene  # noqa: F401  (importing it puts three.js into the pages' import map)
+from nicegui import ui
+from nicegui.element import Element
+
+from truing.web.models.error_model import Slider
+from truing.web.pose import Pose
+from truing.web.views.figures import empty_figure
+
+# Absolute: NiceGUI resolves a relative name against the module's folder, and silently ignores a missing file.
+STATIC = Path(__file__).parents[1] / "static"
+
+
+class TopView(Element, component=STATIC / "top_view.js"):
+    """The floor from above.
+
+    Parameters
+    ----------
+    mode : `live` (the robot), `world` (editing), `model` (the model robot), `paths` (paths only).
+    """
+
+    def __init__(self, label: str, mode: str, *, scale: int = 100, fitted: bool = False) -> None:
+        super().__init__()
+        for name, value in {
+            "label": label,
+            "mode": mode,
+            "tool": "pan",
+            "follow": False,
+            "sensors": True,
+            "grid": "none",
+            "odometry": False,
+            "brush": 0.1,
+            "scale": scale,
+            "paths": [],
+            "nodes": [],
+            "pose": None,
+            "fitted": fitted,
+        }.items():
+            self._props[name] = value
+
+    def set(self, **props: Any) -> None:
+        """Change properties."""
+        for name, value in props.items():
+            self._props[name] = value
+        self.update()
+
+    def value(self, name: str) -> Any:
+        """A property's present value."""
+        return self._props[name]
+
+    def set_model(self, pose: Pose, path: Sequence[Sequence[float]] | None = None) -> None:
+        """Move the model robot and draw its path."""
+        self.run_method("setModel", pose.as_list(), path)
+
+    def play(self, poses: Sequence[Sequence[float]], seconds: float) -> None:
+        """Animate the model robot along poses."""
+        self.run_method("play", list(poses), seconds)
+
+    def fit(self) -> None:
+        """Show everything."""
+        self.run_method("fit")
+
+    def zoom(self, factor: float) -> None:
+        """Zoom by a factor; 0 restores the initial scale."""
+        self.run_method("setZoom", factor)
+
+
+class Scene3D(Element, component=STATIC / "scene_3d.js"):
+    """The world in three dimensions; three.js is the one that comes with NiceGUI."""
+
+    def __init__(self, label: str) -> None:
+        super().__init__()
+        self.set(label=label, camera="orbit", sensors=True)
+
+    def set(self, **props: Any) -> None:
+        """Change properties."""
+        for name, value in props.items():
+            self._props[name] = value
+        self.update()
+
+
+class StripChart(Element, component=STATIC / "strip_chart.js", default_classes="strip"):
+    """Signals of both wheels over the last seconds."""
+
+
+class LiveKeys(Element, component=STATIC / "live_keys.js"):
+    """Invisible: while this is on the page, the driving keys move the robot."""
+
+
+class ModelKeys(Element, component=STATIC / "model_keys.js"):
+    """Invisible: the driving keys move the model robot; emits `cycle`, `speed` and `stop`."""
+
+
+class DropZone(Element, component=STATIC / "drop_zone.js"):
+    """A target for dropped or chosen files; emits `dropped` with the result for each."""
+
+    def __init__(self, text: str, accept: str, address: str) -> None:
+        super().__init__()
+        for name, value in {"text": text, "accept": accept, "address": address}.items():
+            self._props[name] = value
+
+
+class ParameterSlider(Element, component=STATIC / "slider.js"):
+    """A parameter with slider, number field and interval; emits `adjust` with the new value."""
+
+    def __init__(self, slider: Slider, value: float) -> None:
+        super().__init__()
+        for name, content in {
+            "title": slider.title,
+            "unit": slider.unit,
+            "value": value,
+            "low": min(slider.low, value),
+            "high": max(slider.high, value),
+            "interval": slider.interval,
+        }.items():
+            self._props[name] = content
+
+
+class Chart(ui.plotly):
+    """A figure that keeps its size while it is empty."""
+
+    def __init__(self, label: str, *, height_px: int | None = None) -> None:
+        super().__init__(empty_figure("loading …"))
+        self.classes("chart")
+        self._props["role"] = "group"
+        self._props["aria-label"] = label
+        if height_px is not None:
+            self.style(f"height: {height_px}px")
+
+    def png(self, name: str) -> None:
+        """Save the figure as PNG in the browser."""
+        shape = {"format": "png", "filename": name, "width": 1600, "height": 900, "scale": 1}
+        self.run_plot_method("downloadImage", shape)

@@ -1,0 +1,96 @@
+"""The frame of every page: navigation, link state, driver and stop button."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from nicegui import context, ui
+
+from truing.web.pages.elements import live_text, tag
+
+PAGES = {
+    "/": "Live",
+    "/world": "World",
+    "/trajectory": "Trajectory",
+    "/compare": "Compare",
+    "/models": "Error models",
+    "/analysis": "Analysis",
+    "/scene": "3-D",
+}
+
+_HELP = (
+    ("↑ ↓ ← → or W A S D", "drive while held: forward, back, left, right"),
+    ("+ and −", "faster, slower"),
+    ("space", "stop, from every page"),
+    ("C", "take or release control"),
+    (f"1 to {len(PAGES)}", "pages"),
+    ("I J K L, comma, full stop, F, 0", "floor view: pan, zoom, fit, 100 px/m"),
+    ("Enter", "floor view: apply the tool at the centre"),
+)
+
+
+def frame(routes: dict[str, Callable[[], None]]) -> None:
+    """The navigation bar and the page of the present address."""
+    session = context.client.id
+    ui.add_head_html(
+        '<link rel="stylesheet" href="/view-static/theme.css">'
+        '<link rel="modulepreload" href="/view-static/live.js">'
+        '<script type="module">import { live } from "/view-static/live.js";'
+        f'live.start("{session}");</script>'
+    )
+    ui.query("html").props('lang="en"')
+    help_box = _help()
+    with tag("header", classes="bar-top"):
+        tag("h1", "truing")
+        with tag("nav", aria_label="Pages"):
+            links = {}
+            for number, (path, name) in enumerate(PAGES.items(), 1):
+                links[path] = tag("a", href=path, data_page=path)
+                with links[path]:
+                    tag("span", name)
+                    tag("kbd", str(number), aria_hidden="true")
+        with tag("div", classes="state"):
+            with tag("span", classes="lamp link", role="status"):
+                live_text("link", "", first="connecting")
+            with tag("span", classes="lamp faults long", role="status"):
+                live_text("state", "num")
+            with tag("span", classes="lamp driver long", role="status"):
+                live_text("driver", "", first="no driver")
+            tag("button", "Keys ?", "plain long", type="button", data_help="").on("click", help_box.open, [])
+            with tag("button", "STOP", "stop", type="button", data_live_stop="", aria_keyshortcuts="Space"):
+                tag("kbd", "space", aria_hidden="true", style="color:#fff;border-color:#e58f89")
+        tag("div", "STOP NOT DELIVERED: cut the power", "stop-alert", role="alert")
+
+    def mark(path: str) -> None:
+        for at, link in links.items():
+            if at == path:
+                link._props["aria-current"] = "page"
+            else:
+                link._props.pop("aria-current", None)
+            link.update()
+
+    def marked(path: str, build: Callable[[], None]) -> Callable[[], None]:
+        def page() -> None:
+            mark(path)
+            ui.page_title(f"{PAGES[path]} · truing")
+            with tag("main"):
+                build()
+
+        return page
+
+    ui.sub_pages({path: marked(path, build) for path, build in routes.items()})
+
+
+def _help() -> ui.dialog:
+    with (
+        ui.dialog() as dialog,
+        tag("div", style="background:#1b222c;color:#dbe3ec;padding:18px 22px;border:1px solid #2a333f"),
+    ):
+        tag("h2", "Keys")
+        with tag("dl", classes="facts"):
+            for keys, what in _HELP:
+                tag("dt", what)
+                with tag("dd"):
+                    tag("kbd", keys)
+    dialog.props('aria-label="Keys"')
+    return dialog

@@ -1,0 +1,1 @@
+"""Trajectories: keys and drawn paths to control inputs and sequence files."""

@@ -1,0 +1,1 @@
+"""Helper processes: virtual board, diagnosis, simulation."""

@@ -1,0 +1,129 @@
+"""Process that reads and simulates runs: requests in, answers out, one line of JSON each.
+
+In the view's own process, fitting and compiling would block the event loop and delay a stop command.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import orjson
+
+from truing.errors import TruingError
+
+if TYPE_CHECKING:
+    from truing.recording.run import Run
+
+
+def answer(request: dict[str, Any]) -> dict[str, Any]:
+    """Page content of a run (`compare` with its simulations, `analyse`, `csv`) or of control inputs
+    (`replay`).
+    """
+    kinds = {"compare": _compare, "analyse": _analyse, "csv": _csv, "replay": _replay}
+    return kinds[request["kind"]](request)
+
+
+def _compare(request: dict[str, Any]) -> dict[str, Any]:
+    """Needs `run` and `more` (paths), `model` (`ModelChoice.to_json`), `start` (x, y, theta)."""
+    from truing.web.models.comparison import Comparison, compare
+    from truing.web.models.error_model import ModelChoice
+    from truing.web.pose import Pose
+    from truing.web.runs.library import baseline_of, plan_of_run
+    from truing.web.views.comparison import comparison_content
+
+    start = Pose(*request["start"])
+    found: list[Comparison] = []
+    for name in (request["run"], *request["more"]):
+        path = Path(name)
+        run = _read(path)
+        model = ModelChoice.of_json(request["model"]) if not found else None
+        set_runs = partial(_set_of, path)
+        found.append(compare(run, baseline_of(path), plan_of_run(run), model, start, set_runs=set_runs))
+    return comparison_content(found[0], found[1:])
+
+
+def _read(path: Path) -> Run:
+    """A run from disk, cached while the file is unchanged."""
+    at = path.stat()
+    return _read_version(path, at.st_mtime_ns, at.st_size)
+
+
+@lru_cache(maxsize=64)
+def _read_version(path: Path, _changed_ns: int, _size: int) -> Run:
+    from truing.recording.reader import read_run
+
+    return read_run(path)
+
+
+def _set_of(path: Path) -> list[Run]:
+    return [_read(one) for one in sorted(path.parent.glob("*.csv"))]
+
+
+def _analyse(request: dict[str, Any]) -> dict[str, Any]:
+    """Needs `run`, the `signals` to draw, the `span` of the statistics, `linked` and `select`."""
+    from truing.web.runs.library import baseline_of
+    from truing.web.views.analysis import analysis_content
+
+    path = Path(request["run"])
+    return analysis_content(
+        _read(path),
+        baseline_of(path),
+        request["signals"],
+        _span(request),
+        linked=request["linked"],
+        select=request["select"],
+    )
+
+
+def _csv(request: dict[str, Any]) -> dict[str, Any]:
+    """Needs `run`, `signals` and `span`."""
+    from truing.web.runs.library import baseline_of
+    from truing.web.views.analysis import csv_text
+
+    path = Path(request["run"])
+    return {"text": csv_text(_read(path), baseline_of(path), request["signals"], _span(request))}
+
+
+def _replay(request: dict[str, Any]) -> dict[str, Any]:
+    """Needs `cycles` (v, omega, seconds), the `robot` (`known_robot`), the `model` and the `start`."""
+    from truing.web.models.error_model import ModelChoice
+    from truing.web.models.error_replay import thinned
+    from truing.web.models.known_robot import robot_of
+    from truing.web.models.plan_rollout import plan_rollout
+    from truing.web.path.trajectory import Cycle
+    from truing.web.pose import Pose
+
+    known = robot_of(request["robot"])
+    robot = ModelChoice.of_json(request["model"]).applied(known)
+    cycles = [Cycle(*cycle) for cycle in request["cycles"]]
+    return {"path": thinned(plan_rollout(cycles, known, robot, Pose(*request["start"])))}
+
+
+def _span(request: dict[str, Any]) -> tuple[float, float] | None:
+    span = request["span"]
+    return None if span is None else (float(span[0]), float(span[1]))
+
+
+def main() -> int:
+    """Answer requests until standard input closes."""
+    # Output printed by libraries must not mix with the answers.
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    for line in sys.stdin.buffer:
+        try:
+            content = answer(orjson.loads(line))
+        except TruingError as error:
+            content = {"error": error.message, "next": error.next_step}
+        except Exception as error:
+            content = {"error": f"{type(error).__name__}: {error}", "next": ""}
+        answers.write(orjson.dumps(content) + b"\n")
+        answers.flush()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Recorded runs on disk, and files dropped onto a page."""

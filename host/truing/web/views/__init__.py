@@ -1,0 +1,1 @@
+"""Content of figures and tables as plain data, independent of the pages."""

@@ -1,0 +1,1 @@
+"""The world around the robot: maps, simulated sensors, occupancy."""

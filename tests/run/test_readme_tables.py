@@ -1,0 +1,79 @@
+"""Every module and folder is in the table of its README, and no line of a README is too long to read."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+# README, and the folder whose modules its tables name.
+MODULE_TABLES = {
+    "firmware/core/README.md": "firmware/core",
+    "firmware/stm32f405/README.md": "firmware/stm32f405",
+    "hil_sim/board/README.md": "hil_sim/board",
+    "hil_sim/host_robot/README.md": "hil_sim/host_robot",
+    "hil_sim/plant/README.md": "hil_sim/plant",
+    "hil_sim/python/README.md": "hil_sim/python/hil_sim",
+    "hil_sim/rig/README.md": "hil_sim/rig",
+    "protocol/README.md": "protocol/generator",
+}
+# README whose table names the folders beside it.
+FOLDER_TABLES = ("firmware/README.md", "hil_sim/README.md", "tests/README.md")
+# Markdown files, or folders of them.
+NARROW = (
+    *("firmware", "hil_sim", "protocol"),
+    *("tests/README.md", "tests/firmware", "tests/fuzz"),
+)
+MODULES = {".c", ".py"}
+FILES = {".c", ".h", ".py", ".S", ".ld"}
+MAX_COLUMNS = 130
+
+
+def named_in_tables(readme: Path) -> set[str]:
+    """What stands in backticks in the first column of any table."""
+    rows = [line for line in readme.read_text(encoding="utf-8").splitlines() if line.startswith("|")]
+    return {name for row in rows for name in re.findall(r"`([^`]+)`", row.split("|")[1])}
+
+
+@pytest.mark.parametrize("readme", MODULE_TABLES)
+def test_every_module_of_the_folder_is_in_the_table(root: Path, readme: str) -> None:
+    named = named_in_tables(root / readme)
+    modules = {path for path in (root / MODULE_TABLES[readme]).iterdir() if path.suffix in MODULES}
+    missing = {
+        path.name
+        for path in modules
+        if path.name not in named and path.stem not in named and not path.name.startswith("__")
+    }
+    assert not missing, f"{readme} does not name {', '.join(sorted(missing))}"
+
+
+@pytest.mark.parametrize("readme", MODULE_TABLES)
+def test_every_file_in_the_table_is_there(root: Path, readme: str) -> None:
+    folder = root / MODULE_TABLES[readme]
+    files = {path.name for path in folder.iterdir() if path.suffix in FILES}
+    there = files | {Path(name).stem for name in files}
+    named = {name for name in named_in_tables(root / readme) if re.fullmatch(r"\w+(\.(c|h|py|S|ld))?", name)}
+    assert not named - there, f"{readme} names {', '.join(sorted(named - there))}"
+
+
+@pytest.mark.parametrize("readme", FOLDER_TABLES)
+def test_every_folder_is_in_the_table(root: Path, readme: str) -> None:
+    named = named_in_tables(root / readme)
+    folders = {path.name for path in (root / readme).parent.iterdir() if path.is_dir()} - {"__pycache__"}
+    missing = {name for name in folders if f"{name}/" not in named}
+    assert not missing, f"{readme} does not name {', '.join(sorted(missing))}"
+
+
+@pytest.mark.parametrize("where", NARROW)
+def test_no_line_is_longer_than_a_screen_is_wide(root: Path, where: str) -> None:
+    path = root / where
+    files = sorted(path.rglob("*.md")) if path.is_dir() else [path]
+    assert files
+    long = [
+        f"{file.relative_to(root)}:{number}: {len(line)} columns"
+        for file in files
+        for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1)
+        if len(line) > MAX_COLUMNS
+    ]
+    assert not long, "\n".join(long)

@@ -1,0 +1,130 @@
+"""Shared parts of the browser tests: a board, a link that can be cut, the view and its pages."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from support.served_board import ServedBoard
+from web.view_process import CutLink, ViewProcess
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+
+
+class Rig:
+    """A board, a link that can be cut, and the view connected through it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.board = ServedBoard(folder)
+        self.link = CutLink(self.board.tcp)
+        self.view = ViewProcess(folder / "out", port=self.link.port)
+
+    def close(self) -> None:
+        self.view.close()
+        self.link.close()
+        self.board.kill()
+
+
+class Problems(list[str]):
+    """Script errors of a page, and every request that leaves the view."""
+
+
+def open_page(
+    browser: Browser, rig: Rig, problems: Problems, path: str = "", width: int = 1280, height: int = 720
+) -> Page:
+    page = browser.new_page(viewport={"width": width, "height": height})
+    page.set_default_timeout(30_000)
+    page.on("pageerror", lambda error: problems.append(str(error)))
+
+    def asked(request: object) -> None:
+        url = str(getattr(request, "url", ""))
+        if not url.startswith((rig.view.address, "data:", "blob:")):
+            problems.append(f"asked for {url}")
+
+    page.on("request", asked)
+    page.goto(rig.view.address + path)
+    wait(lambda: live(page, "state.link?.state") == "connected", "a connected board")
+    wait(lambda: live(page, "samples.length") > 0, "samples")
+    return page
+
+
+def live(page: Page, what: str) -> object:
+    return page.evaluate(f"window.truing?.live?.{what} ?? null")
+
+
+def wait(condition: Callable[[], object], what: str, seconds: float = 30.0) -> None:
+    until = time.monotonic() + seconds
+    while time.monotonic() < until:
+        if condition():
+            return
+        time.sleep(0.05)
+    pytest.fail(f"no {what} within {seconds:g} s")
+
+
+def speed(page: Page) -> float:
+    last = live(page, "samples.at(-1)")
+    assert isinstance(last, list)
+    return max(abs(last[1]), abs(last[2]))
+
+
+def board_state(page: Page) -> object:
+    return live(page, "state.board?.state")
+
+
+def go(page: Page, key: str, title: str) -> None:
+    page.keyboard.press(key)
+    page.wait_for_function("title => document.title.startsWith(title)", arg=title)
+
+
+def cycles(page: Page) -> int:
+    """Number of cycles on the Trajectory page."""
+    summary = page.get_by_text(re.compile(r"^\d+ cycles")).first
+    return int(summary.inner_text().split()[0]) if summary.count() else 0
+
+
+def drive_by_key(page: Page) -> None:
+    """Hold a key until the robot moves.
+
+    On a busy machine a page's heartbeat may be late enough for it to lose control, as intended; then the key
+    is pressed again.
+    """
+    page.keyboard.down("ArrowUp")
+    wait(lambda: live(page, "state.driver") == "you" or _press_again(page), "control", 60.0)
+    wait(lambda: speed(page) > 0.25 or _press_again(page), "movement", 60.0)
+
+
+def _press_again(page: Page) -> bool:
+    if live(page, "state.driver") == "none":
+        page.keyboard.up("ArrowUp")
+        page.keyboard.down("ArrowUp")
+        time.sleep(0.3)
+    return False
+
+
+def take_control(page: Page) -> None:
+    """By the key that takes and releases control."""
+    wait(lambda: live(page, "state.driver") != "other", "no driver")
+    if live(page, "state.driver") == "none":
+        page.keyboard.press("c")
+    wait(lambda: live(page, "state.driver") == "you", "control")
+
+
+def release_control(page: Page) -> None:
+    """If the page still has it."""
+    if live(page, "state.driver") == "you":
+        page.keyboard.press("c")
+    wait(lambda: live(page, "state.driver") != "you", "a page without control")
+
+
+def accessibility_violations(page: Page) -> list[tuple[str, list[str]]]:
+    """Violations that axe rates serious or critical."""
+    from axe_playwright_python.sync_playwright import Axe
+
+    found = [v for v in Axe().run(page).response["violations"] if v["impact"] in ("serious", "critical")]
+    return [(v["id"], [n["html"][:120] for n in v["nodes"]]) for v in found]
