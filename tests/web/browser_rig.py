@@ -107,6 +107,25 @@ def _press_again(page: Page) -> bool:
     return False
 
 
+def run_to_the_end(page: Page, start: Callable[[], object]) -> None:
+    """Start a run and wait until it has been saved.
+
+    On a busy machine the page before may hold control for a moment longer, and a page's heartbeat may be late
+    enough for the board to be stopped; both are intended, and the run is started again.
+    """
+    wait(lambda: live(page, "state.driver") != "other", "free control")
+    start()
+
+    def is_saved() -> bool:
+        stage = live(page, "state.task?.stage")
+        if stage == "stopped":
+            start()
+            wait(lambda: live(page, "state.task?.stage") != "stopped", "a run that was started again")
+        return stage == "done"
+
+    wait(is_saved, "finished run", 90.0)
+
+
 def take_control(page: Page) -> None:
     """By the key that takes and releases control."""
     wait(lambda: live(page, "state.driver") != "other", "no driver")

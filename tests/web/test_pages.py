@@ -22,6 +22,7 @@ from web.browser_rig import (
     live,
     open_page,
     release_control,
+    run_to_the_end,
     speed,
     take_control,
     wait,
@@ -242,8 +243,7 @@ def test_a_path_driven_by_six_keys_becomes_a_sequence_that_the_board_runs(page, 
     page.get_by_text("cycles", exact=False).first.wait_for()
     page.get_by_label("Name").fill("keyed")
     page.get_by_label("Name").press("Tab")
-    page.get_by_role("button", name="Upload and run").click()
-    wait(lambda: live(page, "state.task?.stage") == "done", "finished run", 90.0)
+    run_to_the_end(page, page.get_by_role("button", name="Upload and run").click)
     saved = live(page, "state.task?.saved")
     assert isinstance(saved, str)
     run = read_run(saved)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from web.browser_rig import cycles, drive_by_key, go, live, speed, wait
+from web.browser_rig import cycles, drive_by_key, go, live, run_to_the_end, speed, wait
 from web.synthetic_runs import synthetic_set
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
@@ -50,8 +50,7 @@ def test_a_path_is_driven_uploaded_and_run_by_keys(page):
     wait(lambda: cycles(page) >= 14, "a path that takes longer than the shortest run")
     page.keyboard.up("ArrowUp")
     tab_to(page, "Upload and run", "BUTTON")
-    page.keyboard.press("Enter")
-    wait(lambda: live(page, "state.task?.stage") == "done", "a finished run", 60.0)
+    run_to_the_end(page, lambda: page.keyboard.press("Enter"))
 
 
 def test_lists_and_sliders_are_worked_by_keys(page):
