@@ -8,11 +8,15 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from support.console import commands, difference
 from truing.cli.app import App
 from truing.cli.demo import command
 from truing.recording.baseline import read_baseline
 from truing.trial import demonstration
 from truing.trial.demonstration import Demonstration, demonstrate
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "docs/example"
 
 
 @pytest.mark.slow
@@ -59,3 +63,14 @@ def test_the_demo_finds_what_is_concealed_and_lowers_the_error_on_unseen_runs(
     out = tmp_path / "out" / "demo"
     assert (out / "concealed.png").read_bytes().startswith(b"\x89PNG")
     assert hidden <= set(read_baseline(out / "concealed" / "model.toml").effects)
+
+    # docs/example holds what the demo drives, and the main page what is said of it.
+    driven = out / "concealed" / "set"
+    names = sorted(path.name for path in (driven / "runs").iterdir())
+    assert names == sorted(path.name for path in (EXAMPLE / "runs").iterdir())
+    for file in ("baseline.toml", *(f"runs/{name}" for name in names)):
+        assert (EXAMPLE / file).read_bytes() == (driven / file).read_bytes(), f"copy {file} to {EXAMPLE}"
+    shown_on_page = commands(ROOT / "README.md")[0]
+    assert shown_on_page.text == "./run truing diagnose docs/example"
+    printed = result.stdout[result.stdout.index("\nVerdict\n") :]
+    assert difference(shown_on_page.shown, printed) is None
