@@ -42,11 +42,8 @@ NOT_TUNED = {
     "GRAVITY", "NORMAL_975", "CHI2_95", "SCHEMA", "BASELINE_PARAMETERS", "COUNTER_SPANS", "WHOLE_RUN",
     "NO_EVENT", "PAST", "MEETING", "BAR_PX", "HEADER_PX",
 }  # fmt: skip
-NOT_TUNED_FILES = {"simulation/rows.py", "simulation/stubs.py"}
 # The numbers in these are frozen when numba compiles the simulation.
-COMPILED_FILES = {
-    "simulation/step.py", "simulation/rollout.py", "simulation/ground.py", "simulation/bodies.py",
-}  # fmt: skip
+COMPILED_FOLDER = "simulation/kernel/"
 _ARITHMETIC = (ast.Constant, ast.UnaryOp, ast.BinOp, ast.Tuple, ast.operator, ast.unaryop, ast.Load)
 
 
@@ -66,11 +63,11 @@ class Constant:
     @property
     def status(self) -> str:
         """Tuned; compiled: tuned, but frozen in compiled code; presentation: moves no verdict; or fixed."""
-        if self.name in NOT_TUNED or self.file in NOT_TUNED_FILES:
+        if self.name in NOT_TUNED:
             return "fixed"
         if self.file.startswith("present/"):
             return "presentation"
-        return "compiled" if self.file in COMPILED_FILES else "tuned"
+        return "compiled" if self.file.startswith(COMPILED_FOLDER) else "tuned"
 
 
 def constants() -> list[Constant]:

@@ -1,19 +1,23 @@
-"""Builds the kernel: stage functions written from the effects' hooks, then the simulation's own.
+"""Builds the kernel: a package of the files in `kernel/` and of stages written from the effects' hooks.
 
-The generated modules lie in NUMBA_CACHE_DIR, named by a hash of everything they are made of, so that
-numba keeps their machine code from one process to the next and a changed effect makes another kernel.
-Without that folder they are compiled in memory.
+The package lies in NUMBA_CACHE_DIR, named by a hash of everything it is made of, so that numba keeps its
+machine code from one process to the next and a changed effect makes another kernel. Without that folder it
+is made anew for each process.
 """
 
 from __future__ import annotations
 
+import atexit
 import hashlib
+import importlib
 import importlib.util
 import inspect
-import linecache
 import os
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -21,13 +25,13 @@ from types import ModuleType
 from typing import Any
 
 from truing.diagnose.catalogue import Catalogue, Entry
-from truing.diagnose.simulation import bodies, ground, jit, rollout, rows, step
+from truing.diagnose.simulation import jit, state
 from truing.diagnose.simulation.stages import SLOW_CONTEXT, STAGES, STATE_CONTEXT, Stage
+from truing.model import decay
 
 BASELINE_PARAMETERS = 4
-STUB_IMPORT = "from truing.diagnose.simulation import stubs as stage"
-# The modules that are compiled upon the stages, each after those that it imports.
-KERNEL = (step, rollout, ground)
+# The written stages take the place of its `stage.py`.
+KERNEL = Path(__file__).parent / "kernel"
 _WITH_WHEEL = {"drive", "supply", "friction", "push", "gain", "inertia", "gap", "measure", "ground"}
 _WITH_ROW = {"supply", "gain", "inertia"}
 
@@ -177,37 +181,6 @@ def _arguments(function: Callable[..., Any]) -> tuple[str, ...]:
     return tuple(inspect.signature(function).parameters)
 
 
-def _fingerprint(catalogue: Catalogue, stages: str) -> str:
-    parts = [stages, *(inspect.getsource(module) for module in (*KERNEL, bodies, rows, jit))]
-    parts += [inspect.getsource(sys.modules[entry.module]) for entry in catalogue.entries.values()]
-    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:16]
-
-
-def _load(name: str, source: str, folder: Path | None) -> ModuleType:
-    if name in sys.modules:
-        return sys.modules[name]
-    if folder is None:
-        module = ModuleType(name)
-        file = f"<{name}>"
-        linecache.cache[file] = (len(source), None, source.splitlines(True), file)
-        sys.modules[name] = module
-        exec(compile(source, file, "exec"), module.__dict__)
-        return module
-    path = folder / f"{name}.py"
-    if not path.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        fresh = path.with_suffix(f".{os.getpid()}.tmp")
-        fresh.write_text(source, encoding="utf-8")
-        fresh.replace(path)  # another process may do the same at the same moment
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
 @dataclass(frozen=True)
 class Kernel:
     """The simulation of one catalogue, named by `mark`; each function is compiled at its first call."""
@@ -226,20 +199,43 @@ def kernel_of(catalogue: Catalogue) -> Kernel:
     stages = _Writer(catalogue).source()
     mark = _fingerprint(catalogue, stages)
     place = os.environ.get("NUMBA_CACHE_DIR")
-    folder = Path(place) / "truing_kernels" if place else None
-    imports = {STUB_IMPORT: f"import truing_stages_{mark} as stage"}
-    stage = _load(f"truing_stages_{mark}", stages, folder)
-    found: dict[str, Any] = {}
-    for module in KERNEL:
-        source = inspect.getsource(module)
-        for written, meant in imports.items():
-            source = source.replace(written, meant)
-        if folder is None:
-            source = source.replace("@cached", "@fleeting").replace("import cached", "import fleeting")
-        short = module.__name__.rsplit(".", 1)[1]
-        name = f"truing_{short}_{mark}"
-        found |= vars(_load(name, source, folder))
-        imports[f"from {module.__name__} import"] = f"from {name} import"
-    return Kernel(
-        mark, stage, found["rollout"], found["slow"], found["ground_motion"], found["windowed_motion"]
+    name = f"truing_kernel_{mark}"
+    _import_package(name, stages, Path(place or _temporary_folder()) / "truing_kernels")
+    files = (importlib.import_module(f"{name}.{file}") for file in ("stage", "rollout", "ground"))
+    stage, rollout, ground = files
+    return Kernel(mark, stage, rollout.rollout, rollout.slow, ground.ground_motion, ground.windowed_motion)
+
+
+def _fingerprint(catalogue: Catalogue, stages: str) -> str:
+    files = [*sorted(KERNEL.glob("*.py")), *(Path(inspect.getfile(module)) for module in (state, jit, decay))]
+    files += [Path(inspect.getfile(sys.modules[entry.module])) for entry in catalogue.entries.values()]
+    text = "\0".join([stages, *(file.read_text(encoding="utf-8") for file in files)])
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _import_package(name: str, stages: str, folder: Path) -> None:
+    """Make the kernel's files and these stages a package of this name."""
+    if name in sys.modules:
+        return
+    path = folder / name
+    if not path.exists():
+        fresh = path.with_suffix(f".{os.getpid()}.tmp")
+        shutil.copytree(KERNEL, fresh, ignore=shutil.ignore_patterns("__pycache__"))
+        (fresh / "stage.py").write_text(stages, encoding="utf-8")
+        with suppress(OSError):  # another process may do the same at the same moment
+            fresh.rename(path)
+        shutil.rmtree(fresh, ignore_errors=True)
+    spec = importlib.util.spec_from_file_location(
+        name, path / "__init__.py", submodule_search_locations=[str(path)]
     )
+    assert spec is not None
+    assert spec.loader is not None
+    sys.modules[name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(sys.modules[name])
+
+
+@cache
+def _temporary_folder() -> str:
+    folder = tempfile.TemporaryDirectory(prefix="truing_")
+    atexit.register(folder.cleanup)
+    return folder.name

@@ -6,6 +6,7 @@ None of them may allocate: without numba's reference counts (`_nrt=False`) calls
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -22,10 +23,5 @@ def compiled(function: Function) -> Function:
 
 
 def cached(function: Function) -> Function:
-    """Compile for Python to call, and keep the machine code in NUMBA_CACHE_DIR."""
-    return cast(Function, _njit(**_OPTIONS, cache=True)(function))
-
-
-def fleeting(function: Function) -> Function:
-    """Compile for Python to call, in memory alone."""
-    return cast(Function, _njit(**_OPTIONS)(function))
+    """Compile for Python to call, and keep the machine code in NUMBA_CACHE_DIR if there is one."""
+    return cast(Function, _njit(**_OPTIONS, cache="NUMBA_CACHE_DIR" in os.environ)(function))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -10,11 +11,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.diagnose.catalogue import CATALOGUE, Catalogue
-from truing.diagnose.data.set_data import BoolArray, FloatArray, IntArray, SetData
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Parameter, Scale
 from truing.diagnose.simulation.assemble import BASELINE_PARAMETERS, kernel_of, parameter_offsets
-from truing.diagnose.simulation.rows import ROWS
+from truing.diagnose.simulation.state import Inputs, Scratch, new_scratch
 from truing.diagnose.simulation.windows import Windows, pose_windows
 from truing.errors import TruingError
 from truing.recording.baseline import Baseline
@@ -157,7 +159,7 @@ class SetSimulator:
         scratch = self._new_scratch()
         slow_bits = self._mask("slow")
         self._run(p, active, step_s, scratch, self._all, track=slow_bits)
-        return scratch["heat"][self._rows], scratch["draw"][self._rows]
+        return scratch.heat[self._rows], scratch.draw[self._rows]
 
     def ground(self, theta: FloatArray, on: BoolArray) -> FloatArray:
         """Body increments of every row from measured wheel travel, shape (n, 3).
@@ -167,26 +169,13 @@ class SetSimulator:
         """
         p, active, _ = self._pack(theta, on)
         travel = self._measured
-        lost = self._nothing_lost
+        lost = np.zeros_like(travel)
         if self.commanded or active & (self._mask("grip") | self._mask("gap")):
             speeds, lost = self._simulate(theta, on)
             if self.commanded:
                 travel = speeds * self.data.dt_s[:, None]
         out = np.zeros((len(self.data), 3))
-        self._kernel.ground_motion(
-            p,
-            active,
-            travel,
-            lost,
-            self.data.dt_s,
-            self._first_rows,
-            self._angles,
-            self._row_origins,
-            self._radius,
-            self._top,
-            self.baseline.wheelbase_m or math.inf,
-            out,
-        )
+        self._kernel.ground_motion(p, active, self._inputs, travel, lost, out)
         return np.asarray(out[self._rows])
 
     def windows(self, horizon_s: float = 1.0) -> Windows:
@@ -262,8 +251,7 @@ class SetSimulator:
         Effects whose state lives over the whole set (charge, heat) still see every run before: only
         their first pass runs over all of them.
         """
-        chosen = SetSimulator.__new__(SetSimulator)
-        chosen.__dict__.update(self.__dict__)
+        chosen = copy.copy(self)
         keep = np.isin(self.data.run_of_segment, np.asarray(list(runs), dtype=np.int64))
         chosen._chosen = np.flatnonzero(keep).astype(np.int64)
         chosen._rows = np.flatnonzero(np.isin(self.data.run_of_row, np.asarray(list(runs), dtype=np.int64)))
@@ -322,48 +310,46 @@ class SetSimulator:
         """Everything that the kernel reads and that does not depend on the numbers."""
         data = self.data
         count = max(len(pieces.end_s) for pieces in data.pieces)
-        self._piece_end = np.full((2, count), math.inf)
-        self._piece_effort = np.zeros((2, count))
+        piece_end, piece_effort = np.full((2, count), math.inf), np.zeros((2, count))
         for w, pieces in enumerate(data.pieces):
-            self._piece_end[w, : len(pieces.end_s)] = pieces.end_s
-            self._piece_effort[w, : len(pieces.end_s)] = pieces.effort
-        self._first_piece = np.stack([pieces.starts for pieces in data.pieces]).astype(np.int64)
-        known = data.angle_rad is not None
-        self._angles = data.angle_rad if data.angle_rad is not None else np.zeros((len(data), 2))
-        self._angle_rates = _rates(self._angles, data) if known else np.zeros((len(data), 2))
-        no_origins = np.zeros((len(data), 2))
-        self._row_origins = data.origin_rad if data.origin_rad is not None else no_origins
-        self._origins = np.ascontiguousarray(self._row_origins[data.starts[:-1]])
+            piece_end[w, : len(pieces.end_s)] = pieces.end_s
+            piece_effort[w, : len(pieces.end_s)] = pieces.effort
+        nothing = np.zeros((len(data), 2))
+        angles = nothing if data.angle_rad is None else data.angle_rad
+        origins = nothing if data.origin_rad is None else data.origin_rad
+        top_mps = np.array([self.baseline.left.gain_mps, self.baseline.right.gain_mps])
+        self._inputs = Inputs(
+            start=data.starts,
+            first_piece=np.stack([pieces.starts for pieces in data.pieces]).astype(np.int64),
+            piece_end=piece_end,
+            piece_effort=piece_effort,
+            t=data.t_s,
+            dt=data.dt_s,
+            elapsed=data.elapsed_s,
+            interval=data.interval_s,
+            initial=data.initial_mps,
+            angles=angles,
+            angle_rates=nothing if data.angle_rad is None else _rates(angles, data),
+            origins=np.ascontiguousarray(origins[data.starts[:-1]]),
+            heading=np.zeros(len(data)) if data.heading_rad is None else data.heading_rad,
+            radius=float(data.wheel_radius_m or 1.0),
+            top=top_mps,
+            wheelbase=float(self.baseline.wheelbase_m or math.inf),
+        )
         self._measured = np.zeros((len(data), 2))
         self._measured[1:] = np.diff(data.travel_m, axis=0)
         self._measured[data.first] = 0.0
-        self._nothing_lost = np.zeros((len(data), 2))
-        self._first_rows = data.first.astype(np.float64)
-        self._heading = np.zeros(len(data)) if data.heading_rad is None else data.heading_rad
-        self._radius = data.wheel_radius_m or 1.0
-        self._top = np.array([self.baseline.left.gain_mps, self.baseline.right.gain_mps])
         self._all = np.arange(data.segments, dtype=np.int64)
         self._smallest_tau = min(self.baseline.left.time_constant_s, self.baseline.right.time_constant_s)
-        self._coarser = np.where(_steady(data, self._top, self._smallest_tau), STEADY_FACTOR, 1.0)
+        self._coarser = np.where(_steady(data, top_mps, self._smallest_tau), STEADY_FACTOR, 1.0)
         self._ones = np.ones(len(data))
         self._unsettled = sum(1 << bit for bit, one in enumerate(self.catalogue.values()) if not one.settles)
         self._scratch = self._new_scratch()
         self._known = (-1, b"")
 
-    def _new_scratch(self) -> dict[str, FloatArray]:
-        n = len(self.data)
-        slots = int(self._kernel.stage.SLOW_SLOTS)
-        states = int(self._kernel.stage.STATE_SLOTS)
-        return {
-            "out": np.zeros((n, 2)),
-            "lost": np.zeros((n, 2)),
-            "heat": np.zeros((n, 2)),
-            "draw": np.zeros(n),
-            "slows": np.zeros((slots, n, 2)),
-            "work": np.zeros((ROWS, 2)),
-            "states": np.zeros((states, 2)),
-            "before": np.zeros((states, 2)),
-        }
+    def _new_scratch(self) -> Scratch:
+        stage = self._kernel.stage
+        return new_scratch(len(self.data), int(stage.SLOW_SLOTS), int(stage.STATE_SLOTS))
 
     def _check_baseline_effects(self) -> None:
         for name, table in self.baseline.effects.items():
@@ -399,69 +385,27 @@ class SetSimulator:
         # Poses are asked for at the numbers that the speeds were just asked for.
         asked = (active, p.tobytes())
         if asked == self._known:
-            return scratch["out"], scratch["lost"]
+            return scratch.speed, scratch.lost
         self._known = (-1, b"")
         slow_bits = active & self._mask("slow")
         if slow_bits:
             # First pass without the slow effects: their states follow from its currents.
-            scratch["slows"][:] = 0.0
+            scratch.slows[:] = 0.0
             others = active & ~slow_bits
             coarse_s = CURRENTS_FACTOR * self._step_s(others)
             self._run(p, others, coarse_s, scratch, self._all, track=self._mask("slow"))
             self._kernel.slow(
-                p,
-                active,
-                self.data.dt_s,
-                scratch["heat"],
-                scratch["draw"],
-                self.data.elapsed_s,
-                scratch["slows"],
+                p, active, self.data.dt_s, scratch.heat, scratch.draw, self.data.elapsed_s, scratch.slows
             )
         self._run(p, active, step_s, scratch, self._chosen)
         self._known = asked
-        return scratch["out"], scratch["lost"]
+        return scratch.speed, scratch.lost
 
     def _run(
-        self,
-        p: FloatArray,
-        active: int,
-        step_s: float,
-        scratch: dict[str, FloatArray],
-        chosen: IntArray,
-        track: int = 0,
+        self, p: FloatArray, active: int, step_s: float, scratch: Scratch, chosen: IntArray, track: int = 0
     ) -> None:
-        data = self.data
-        self._kernel.rollout(
-            p,
-            active,
-            track != 0,
-            chosen,
-            step_s,
-            self._coarser if active & self._unsettled == 0 else self._ones,
-            data.starts,
-            self._first_piece,
-            self._piece_end,
-            self._piece_effort,
-            data.t_s,
-            data.dt_s,
-            data.elapsed_s,
-            data.interval_s,
-            data.initial_mps,
-            self._angles,
-            self._angle_rates,
-            self._origins,
-            self._heading,
-            self._radius,
-            self._top,
-            scratch["slows"],
-            scratch["work"],
-            scratch["states"],
-            scratch["before"],
-            scratch["out"],
-            scratch["lost"],
-            scratch["heat"],
-            scratch["draw"],
-        )
+        coarser = self._coarser if active & self._unsettled == 0 else self._ones
+        self._kernel.rollout(p, active, track != 0, chosen, step_s, coarser, self._inputs, scratch)
 
     @cached_property
     def effects(self) -> tuple[str, ...]:

@@ -13,12 +13,14 @@ from pathlib import Path
 import numpy as np
 
 from truing.diagnose.catalogue import CATALOGUE, Catalogue
-from truing.diagnose.data.set_data import FloatArray, IntArray
-from truing.diagnose.simulation.assemble import BASELINE_PARAMETERS, Kernel, kernel_of
-from truing.diagnose.simulation.rows import ROWS
+from truing.diagnose.data.set_data import set_data
+from truing.diagnose.simulation.assemble import Kernel, kernel_of
+from truing.diagnose.simulation.simulator import SetSimulator
+from truing.recording.baseline import Baseline, WheelModel
+from truing.recording.run import RecordingSet, Run
 
-# Of the four compiled functions, each leaves an index in the cache.
-FUNCTIONS = ("rollout", "slow", "ground_motion", "windowed_motion")
+# Each of the compiled functions leaves an index in the cache.
+FUNCTIONS = ("rollout.rollout", "rollout.slow", "ground.ground_motion", "ground.windowed_motion")
 
 
 def is_compiled(kernel: Kernel) -> bool:
@@ -26,42 +28,32 @@ def is_compiled(kernel: Kernel) -> bool:
     place = os.environ.get("NUMBA_CACHE_DIR")
     if not place:
         return False
-    files = {path.name for path in Path(place).glob(f"*/*_{kernel.mark}.*.nbi")}
-    return all(any(f".{name}-" in file for file in files) for name in FUNCTIONS)
+    files = {path.name for path in Path(place).glob(f"truing_kernel_{kernel.mark}_*/*.nbi")}
+    return all(any(file.startswith(f"{name}-") for file in files) for name in FUNCTIONS)
 
 
 def compile_once(say: Callable[[str], None], catalogue: Catalogue = CATALOGUE) -> None:
     """Compile the simulation unless that was done before; `say` gets a line before and one after."""
-    kernel = kernel_of(catalogue)
-    if is_compiled(kernel):
+    if is_compiled(kernel_of(catalogue)):
         return
     began = time.monotonic()
     say("compiling the simulation, once (10 to 30 s) ...")
-    run_on_nothing(kernel, BASELINE_PARAMETERS + sum(len(e.parameters) for e in catalogue.values()))
+    simulate_rest(catalogue)
     say(f"compiled the simulation in {time.monotonic() - began:.0f} s")
 
 
-def run_on_nothing(kernel: Kernel, parameters: int) -> None:
-    """Call every function with arrays of the right kind and without rows."""
-    no_rows: FloatArray = np.zeros(0)
-    no_pairs: FloatArray = np.zeros((0, 2))
-    no_segments: IntArray = np.zeros(0, dtype=np.int64)
-    p = np.ones(parameters)
-    slows = np.zeros((int(kernel.stage.SLOW_SLOTS), 0, 2))
-    states = np.zeros((int(kernel.stage.STATE_SLOTS), 2))
-    pieces = np.zeros((2, 1))
-    top = np.ones(2)
-    kernel.rollout(
-        p, 0, False, no_segments, 1.0, no_rows, no_segments, np.zeros((2, 1), dtype=np.int64), pieces, pieces,
-        no_rows, no_rows, no_rows, no_rows, no_pairs, no_pairs, no_pairs, no_pairs, no_rows, 1.0, top, slows,
-        np.zeros((ROWS, 2)), states, states.copy(), no_pairs, no_pairs, no_pairs, no_rows,
-    )  # fmt: skip
-    kernel.slow(p, 0, no_rows, no_pairs, no_rows, no_rows, slows)
-    triples = np.zeros((0, 3))
-    kernel.ground_motion(
-        p, 0, no_pairs, no_pairs, no_rows, no_rows, no_pairs, no_pairs, 1.0, top, 1.0, triples
-    )  # fmt: skip
-    kernel.windowed_motion(triples, no_segments, no_segments, triples)
+def simulate_rest(catalogue: Catalogue) -> None:
+    """Simulate a few rows at rest with all effects, which calls every compiled function."""
+    t_s, rest = np.array([0.0, 0.05, 0.1, 0.15]), np.zeros(4)
+    columns = ("effort_left", "effort_right", "pos_left_m", "pos_right_m")
+    run = Run("rest", {"t_s": t_s} | dict.fromkeys(columns, rest))
+    wheel = WheelModel(1.0, 1.0)
+    baseline = Baseline(Path("baseline.toml"), wheel, wheel, None, None, {})
+    simulator = SetSimulator(set_data(RecordingSet("rest", (run,), baseline)), catalogue=catalogue)
+    theta, on = simulator.start(), simulator.enabled(catalogue)
+    simulator.currents(theta, on)
+    simulator.speeds(theta, on)
+    simulator.pose_residuals(theta, on)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truing.diagnose.data.set_data import FloatArray, IntArray, SetData
+from truing.arrays import FloatArray, IntArray
+from truing.diagnose.data.set_data import SetData
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,1 @@
+"""The simulation's compiled files; `assemble.py` puts them beside the stages of a catalogue."""
