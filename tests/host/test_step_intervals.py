@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 import scipy
 
+from truing.arrays import FloatArray
 from truing.identify.quantity import Quantity
 from truing.identify.step_metrics import StepMetrics, step_metrics
 from truing.identify.step_noise import window_noise
-from truing.recording.run import FloatArray, Run
+from truing.recording.run import Run
 
 INTERVAL_S = 0.05
 LEVELS = (0.0, 0.35, 0.5, 0.45, 0.0)

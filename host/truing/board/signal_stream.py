@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-import numpy.typing as npt
 
+from truing.arrays import FloatArray
 from truing.errors import BoardRebooted, LinkTimeout, TruingError
 from truing.link.chunk_length import ChunkLength
 from truing.link.client import Client
@@ -206,7 +206,7 @@ def _chosen(names: Sequence[str]) -> set[Signal]:
     return {Signal[name.upper()] for name in names}
 
 
-def as_columns(samples: Sequence[Sample]) -> dict[str, npt.NDArray[np.float64]]:
+def as_columns(samples: Sequence[Sample]) -> dict[str, FloatArray]:
     """`t_s` and each signal as arrays, shape (n,)."""
     names = samples[0].values if samples else {}
     return {

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from truing.arrays import FloatArray
 from truing.errors import ClockError
 
 # Enough for a spread to mean something.
@@ -19,7 +20,6 @@ FEWEST = 8
 # (the clock filter of NTP, RFC 5905 section 10, takes the quickest of eight).
 _NEIGHBOURS = 8
 _CONFIDENCE = 0.95
-_FLOAT = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +145,7 @@ def relate(trips: Sequence[RoundTrip], resolution_s: float = 1e-6) -> ClockRelat
     )
 
 
-def _quickest(took: _FLOAT) -> npt.NDArray[np.intp]:
+def _quickest(took: FloatArray) -> npt.NDArray[np.intp]:
     """Of each group of neighbours the quickest; all of them where there are too few to choose from."""
     groups = len(took) // _NEIGHBOURS
     if groups < FEWEST:
@@ -155,7 +155,7 @@ def _quickest(took: _FLOAT) -> npt.NDArray[np.intp]:
 
 
 def _regression(
-    x_s: _FLOAT, y_us: _FLOAT, delay_us: _FLOAT, step_us: float
+    x_s: FloatArray, y_us: FloatArray, delay_us: FloatArray, step_us: float
 ) -> tuple[float, float, float, float]:
     """Value at x = 0, slope, half of its 95 % interval, and the residuals' standard deviation.
 
@@ -180,7 +180,7 @@ def _regression(
 
 
 def _bounds(
-    x_sent: _FLOAT, most: _FLOAT, x_received: _FLOAT, least: _FLOAT
+    x_sent: FloatArray, most: FloatArray, x_received: FloatArray, least: FloatArray
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Of all lines below `most` and above `least` the extremes of their value at 0, and of their slope."""
     from scipy.optimize import linprog

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import IdentifyError
 from truing.identify.even import EvenSignal, EvenStretch, even_signal
 from truing.identify.held_out import folds, rms_by_run, simplest_good
 from truing.identify.model_error import FreeRunError, OneStepError, free_run_error, one_step_error
 from truing.identify.signals import WheelSignal, wheel_signal
-from truing.model.kernel import FloatArray
 from truing.model.linear import ArxModel
 from truing.recording.baseline import Baseline
 from truing.recording.run import Run, Wheel

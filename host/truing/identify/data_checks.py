@@ -6,13 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from truing.arrays import BoolArray, FloatArray
 from truing.errors import IdentifyError
 from truing.recording.baseline import Baseline
-from truing.recording.run import MOTION_PAIRS, WHEELS, FloatArray, RecordingSet, Run, Wheel
-
-BoolArray = NDArray[np.bool_]
+from truing.recording.run import MOTION_PAIRS, WHEELS, RecordingSet, Run, Wheel
 
 # Beyond these it is not a robot: volts, microseconds or a damaged file.
 LARGEST_EFFORT = 1000.0

@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import IdentifyError
 from truing.identify.signals import WheelSignal
-from truing.model.kernel import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

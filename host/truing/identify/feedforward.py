@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
-import numpy.typing as npt
 
+from truing.arrays import FloatArray
 from truing.errors import IdentifyError
 from truing.identify.grey_box import fit_wheel
 from truing.identify.structures import DELAY
@@ -112,8 +112,8 @@ def tracking(run: Run, parameters: Mapping[str, float]) -> Tracking:
 
 
 def _meant(
-    t_s: npt.NDArray[np.float64], command_mps: npt.NDArray[np.float64], limit_mps2: float
-) -> npt.NDArray[np.float64]:
+    t_s: FloatArray, command_mps: FloatArray, limit_mps2: float
+) -> FloatArray:
     """Mean of the slewed command between rows, shape (n - 1,); a row holds the command up to it."""
     meant, speed = [], 0.0
     for interval, command in zip(np.diff(t_s), command_mps[1:], strict=True):

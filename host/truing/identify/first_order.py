@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from truing.arrays import FloatArray
 from truing.identify.quantity import Quantity
 from truing.identify.uncertainty import half_widths
 from truing.recording.baseline import Baseline
-from truing.recording.run import FloatArray, Run, Wheel
+from truing.recording.run import Run, Wheel
 
 # Starting time constants per decade; every local minimum of this scan is a start.
 SCAN_PER_DECADE = 8
@@ -238,7 +238,7 @@ def _search(data: WheelData) -> tuple[float, float] | None:
     if minima.size == 0:
         return None
 
-    def weighted(point: NDArray[np.float64]) -> FloatArray:
+    def weighted(point: FloatArray) -> FloatArray:
         residual: FloatArray = data.weight * data.residual(float(point[0]), float(np.exp(point[1])))
         return residual
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import IdentifyError
 from truing.identify.model_error import FreeRunError, free_run_error
 from truing.identify.output_error import PhysicsFit, fit_nested, fit_physics, measured_initial
@@ -17,7 +18,6 @@ from truing.identify.signals import WheelSignal, wheel_signal
 from truing.identify.structures import DELAY, FREEDOMS, Structure
 from truing.identify.structures import structure as structure_named
 from truing.identify.uncertainty import half_widths
-from truing.model.kernel import FloatArray
 from truing.model.wheel import PHYSICS_FIELDS, WheelPhysics, simulate_physics
 from truing.recording.baseline import Baseline
 from truing.recording.run import Run, Wheel

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.identify.even import EvenSignal, EvenStretch
-from truing.model.kernel import FloatArray
 
 # Of a single run, this share is fitted, and the rest judges.
 FITTED_SHARE = 0.6

@@ -9,7 +9,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from truing.recording.run import FloatArray, Run, Wheel
+from truing.arrays import FloatArray
+from truing.recording.run import Run, Wheel
 
 InputKind: TypeAlias = Literal["effort", "velocity"]
 

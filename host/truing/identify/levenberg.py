@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truing.model.kernel import FloatArray
+from truing.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,13 +6,12 @@ import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.errors import IdentifyError
 from truing.identify.levenberg import Minimum, minimise
 from truing.identify.signals import WheelSignal
 from truing.identify.structures import FREEDOMS, Structure
-from truing.model.kernel import FloatArray
 from truing.model.wheel import PHYSICS_FIELDS, WheelPhysics, simulate_physics
 
 _POSITION = {name: position for position, name in enumerate(PHYSICS_FIELDS)}
@@ -48,7 +47,7 @@ class Coordinates:
 
     base: FloatArray
     structure: Structure
-    free_initial: NDArray[np.int64]
+    free_initial: IntArray
     lower: FloatArray
     upper: FloatArray
     steps: FloatArray
@@ -82,7 +81,7 @@ class Coordinates:
         return np.concatenate((np.array(head, dtype=np.float64), initial[self.free_initial]))
 
 
-def measured_initial(signal: WheelSignal) -> tuple[FloatArray, NDArray[np.bool_]]:
+def measured_initial(signal: WheelSignal) -> tuple[FloatArray, BoolArray]:
     """Speed at the start of every segment from its first rows, and which segments start at rest.
 
     A wheel rests when its first rows show no speed above half the resolution of the measurement, or

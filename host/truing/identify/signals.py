@@ -7,11 +7,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.errors import IdentifyError
 from truing.model.excitation import Excitation, excitation
-from truing.model.kernel import FloatArray, IntArray
 from truing.recording.baseline import Baseline
 from truing.recording.run import Run, SpeedSource, Wheel
 
@@ -36,7 +35,7 @@ class WheelSignal:
 
     excitation: Excitation
     speed_mps: FloatArray
-    run_of_row: NDArray[np.int64]
+    run_of_row: IntArray
     names: tuple[str, ...]
     source: SpeedSource
     resolution_mps: float
@@ -51,7 +50,7 @@ class WheelSignal:
         return len(self.names)
 
     @property
-    def counted(self) -> NDArray[np.bool_]:
+    def counted(self) -> BoolArray:
         """Rows that judge a model, shape (n,): the first row of a segment is given, not judged."""
         counted = np.ones(len(self), dtype=bool)
         counted[self.excitation.starts[:-1]] = False

@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import IdentifyError
 from truing.identify.even import even_signal
 from truing.identify.grey_box import simulate_signal
@@ -15,7 +16,6 @@ from truing.identify.held_out import rms_by_run
 from truing.identify.model_error import FreeRunError, free_run_error
 from truing.identify.signals import WheelSignal, wheel_signal
 from truing.identify.state_space import START_ROWS
-from truing.model.kernel import FloatArray
 from truing.model.linear import ArxModel, StateSpaceModel
 from truing.model.robot_model import RobotModel
 from truing.model.wheel import WheelPhysics

@@ -8,12 +8,13 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.identify.levels import STEADY_SHARE, InputKind, Level, find_levels
 from truing.identify.quantity import Quantity
 from truing.identify.step_noise import WindowNoise, window_noise
 from truing.identify.step_response import Response, ripple_of, rows_before, rows_inside
 from truing.recording.baseline import Baseline
-from truing.recording.run import FloatArray, Run, Wheel, WheelSpeed
+from truing.recording.run import Run, Wheel, WheelSpeed
 
 Direction: TypeAlias = Literal["up", "down", "reversal", "none"]
 

@@ -16,7 +16,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from truing.recording.run import FloatArray
+from truing.arrays import FloatArray
 
 LEAST_ROWS = 4
 # Longer windows are averaged down to so many blocks: what moves a mean is the slow part of the noise.

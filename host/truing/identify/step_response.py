@@ -8,10 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from truing.arrays import FloatArray
 from truing.identify.levels import STEADY_SHARE, Level
 from truing.identify.quantity import Quantity
 from truing.identify.step_noise import WindowNoise
-from truing.recording.run import FloatArray, Run, WheelSpeed
+from truing.recording.run import Run, WheelSpeed
 
 # A first-order wheel has gone these shares of its way after one time constant, and after a third of one.
 ONE_TIME_CONSTANT = 1.0 - math.exp(-1.0)

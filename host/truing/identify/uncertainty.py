@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from truing.recording.run import FloatArray
+from truing.arrays import FloatArray
 
 # Longest memory that is looked for in the residuals, blocks.
 LONGEST_MEMORY = 6

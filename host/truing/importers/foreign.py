@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from truing.recording.run import FloatArray, Run, RunMetadata
+from truing.arrays import FloatArray
+from truing.recording.run import Run, RunMetadata
 
 # The nominal supply that a fraction of effort is taken of where a file gives volts: WPILib's own reference.
 NOMINAL_VOLTAGE_V = 12.0

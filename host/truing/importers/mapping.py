@@ -26,8 +26,9 @@ from typing import Any
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import FileError, RecordingError
-from truing.recording.run import MOTION_PAIRS, NUMERIC_COLUMNS, REQUIRED_COLUMNS, FloatArray
+from truing.recording.run import MOTION_PAIRS, NUMERIC_COLUMNS, REQUIRED_COLUMNS
 
 from .foreign import ForeignTest
 

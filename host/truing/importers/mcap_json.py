@@ -15,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import CutOffError, RecordingError
-from truing.recording.run import FloatArray
 
 from .foreign import Finding, ForeignTest, ImportOptions
 from .mapped_csv import find_mapping

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import RecordingError
-from truing.recording.run import FloatArray
 
 from .foreign import Finding, ForeignTest, ImportOptions
 

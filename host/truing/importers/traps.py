@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import RecordingError
-from truing.recording.run import FloatArray
 
 from .foreign import Finding, ForeignTest
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from truing.recording.run import FloatArray, Run, RunMetadata
+from truing.arrays import FloatArray
+from truing.recording.run import Run, RunMetadata
 from truing_protocol import Mode
 
 # Column of a run: field of the record, and how many of its units make one of the column's.

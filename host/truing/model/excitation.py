@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from truing.model.kernel import FloatArray, IntArray
+from truing.arrays import FloatArray, IntArray
 
 # An edge inside an interval is looked for when the levels around it differ by this much effort, and
 # stand still to within this share of the difference.

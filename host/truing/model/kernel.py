@@ -17,9 +17,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from truing.arrays import FloatArray, IntArray
 from truing.model.compiled import compiled
+from truing.model.decay import decay_integral
 
 # Layout of the kernel's parameter vector.
 GAIN_FORWARD, GAIN_REVERSE = 0, 1  # m/s per unit effort
@@ -37,19 +38,7 @@ SUPPLY_SHARE = 15  # how much of the relative change of the supply acts on the w
 LAG_S = 16  # first-order lag ahead of the motor (driver filter, winding)
 PARAMETER_COUNT = 17
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-
 _TINY = 1e-12
-
-
-@compiled
-def _decay_integral(rate: float, h: float) -> float:
-    """(1 - exp(-rate h)) / rate, well-behaved for a rate near zero or below it."""
-    z = rate * h
-    if abs(z) < 1e-9:
-        return h * (1.0 - 0.5 * z)
-    return -math.expm1(-z) / rate
 
 
 @compiled
@@ -73,7 +62,7 @@ def _advance(p: FloatArray, state: FloatArray, drive: float, h_total: float, max
         now = drive
         if lag > 0.0:
             # The lagged drive over this piece is represented by its mean: second order in the step.
-            share = _decay_integral(1.0 / lag, h) / h
+            share = decay_integral(1.0 / lag, h) / h
             now = drive + (state[3] - drive) * share
         if v > 0.0:
             s = 1.0
@@ -107,7 +96,7 @@ def _advance(p: FloatArray, state: FloatArray, drive: float, h_total: float, max
             level = gain * (now - s * friction + slope * v) / tau  # dv/dt = level - rate v
             if v != 0.0:
                 # Does the wheel stop inside this piece? If so the piece ends there.
-                end = v * math.exp(-rate * h) + level * _decay_integral(rate, h)
+                end = v * math.exp(-rate * h) + level * decay_integral(rate, h)
                 if end * s <= 0.0:
                     if abs(rate * v) < 1e-9 * abs(level):
                         stop = -v / level
@@ -115,7 +104,7 @@ def _advance(p: FloatArray, state: FloatArray, drive: float, h_total: float, max
                         stop = math.log1p(-rate * v / level) / rate
                     if 0.0 <= stop < h:
                         h = stop
-        decay = _decay_integral(rate, h)
+        decay = decay_integral(rate, h)
         v_end = v * math.exp(-rate * h) + level * decay
         stopped = v != 0.0 and v_end * s <= 1e-15
         if abs(rate * h) < 1e-6:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.model.compiled import compiled
-from truing.model.kernel import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

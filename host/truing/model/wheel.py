@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import TruingError
 from truing.model import kernel
 from truing.model.excitation import Excitation
-from truing.model.kernel import FloatArray
 
 # Largest piece (s) where friction depends on speed; halving it moves no result of the tests by 1e-4 m/s.
 MAX_STEP_S = 2.5e-3

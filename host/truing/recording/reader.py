@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import FileError, RecordingError
 from truing.recording.baseline import Baseline, read_baseline
 from truing.recording.run import (
@@ -19,7 +20,6 @@ from truing.recording.run import (
     MOTION_PAIRS,
     NUMERIC_COLUMNS,
     REQUIRED_COLUMNS,
-    FloatArray,
     RecordingSet,
     Run,
     RunMetadata,

@@ -10,10 +10,10 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from truing.arrays import FloatArray
 from truing.errors import IdentifyError
 from truing.recording.baseline import Baseline
 
-FloatArray: TypeAlias = NDArray[np.float64]
 Wheel: TypeAlias = Literal["left", "right"]
 SpeedSource: TypeAlias = Literal["ticks", "vel", "pos"]
 

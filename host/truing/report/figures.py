@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from truing.recording.run import FloatArray
+from truing.arrays import FloatArray
 from truing.report.plot import LINE_WIDTHS, PATH_LABELS, path_window
 from truing.report.run_view import COLOURS, NEUTRAL, REFERENCE, PathView, RunView
 

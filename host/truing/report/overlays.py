@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.identify.identification import Identification, RunIdentification
 from truing.identify.step_metrics import StepMetrics
-from truing.recording.run import FloatArray, RecordingSet, Wheel
+from truing.recording.run import RecordingSet, Wheel
 from truing.report.figures import AXIS, FONT, LEGEND, Figure, axis_title, figure_heading, figure_numbers
 from truing.report.png import save_picture
 

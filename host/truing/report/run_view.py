@@ -7,9 +7,10 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.identify.first_order import FirstOrderFit, WheelData
 from truing.recording.baseline import Baseline
-from truing.recording.run import WHEELS, FloatArray, Run, RunMetadata, Wheel
+from truing.recording.run import WHEELS, Run, RunMetadata, Wheel
 
 # Blue and vermilion of Okabe and Ito's palette: apart for every kind of colour vision, and in grey.
 COLOURS: dict[Wheel, str] = {"left": "#0072B2", "right": "#D55E00"}

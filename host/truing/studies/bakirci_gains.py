@@ -30,10 +30,9 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from truing.arrays import BoolArray, FloatArray
 from truing.identify.levenberg import minimise
-from truing.recording.run import FloatArray
 from truing.studies.bakirci_tests import PAPER_TESTS
 
 REFERENCE_MPS = 0.2
@@ -114,7 +113,7 @@ class GainTable:
     """
 
     tests: tuple[str, ...]
-    pivots: NDArray[np.bool_]
+    pivots: BoolArray
     effort: FloatArray
     previous: FloatArray
     gain: FloatArray
@@ -123,7 +122,7 @@ class GainTable:
     def __len__(self) -> int:
         return len(self.tests)
 
-    def rows(self, chosen: NDArray[np.bool_]) -> GainTable:
+    def rows(self, chosen: BoolArray) -> GainTable:
         """Those rows alone."""
         return GainTable(
             tuple(test for test, kept in zip(self.tests, chosen, strict=True) if kept),
@@ -165,7 +164,7 @@ def predict(rung: Rung, theta: FloatArray, table: GainTable) -> FloatArray:
     return np.asarray(0.01 * (end + remainder * (start - end)) / table.effort)
 
 
-def _steady(rung: Rung, p: dict[str, float], effort: FloatArray, pivots: NDArray[np.bool_]) -> FloatArray:
+def _steady(rung: Rung, p: dict[str, float], effort: FloatArray, pivots: BoolArray) -> FloatArray:
     """Steady speed at each level, shape (n,), mm/s.
 
     Speeds are carried in mm/s, so that a gain of 14 mm/s per % is 1400 mm/s per unit of effort.

@@ -15,6 +15,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import IdentifyError
 from truing.identify.arx import fit_arx_signal
 from truing.identify.even import EvenStretch, even_signal
@@ -24,7 +25,7 @@ from truing.identify.state_space import START_ROWS, fit_state_space_signal
 from truing.model.linear import ArxModel, StateSpaceModel
 from truing.model.wheel import WheelPhysics, simulate_physics
 from truing.recording.baseline import Baseline
-from truing.recording.run import WHEELS, FloatArray, RecordingSet, Run, Wheel
+from truing.recording.run import WHEELS, RecordingSet, Run, Wheel
 from truing.studies.bakirci_tests import PAPER_TESTS
 
 Model: TypeAlias = ArxModel | StateSpaceModel | WheelPhysics

@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from truing.recording.run import FloatArray
+from truing.arrays import FloatArray
 
 # Halving it moves the end by less than half a millimetre.
 STEP_M = 0.001

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from truing.recording.run import FloatArray
+from truing.arrays import FloatArray
 from truing.report.png import save_picture
 from truing.report.run_view import COLOURS, NEUTRAL, REFERENCE
 from truing.studies.bakirci_gains import GainStudy, GainTable, Rung, predict

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from hil_sim.host_robot import HOLDING_NM, HostRobot, Placing
 from hil_sim.recorded import Samples
+from truing.arrays import FloatArray
 from truing.board.device import Device, UploadedSequence
 from truing.board.drive import board_fault
 from truing.board.run_saver import fetch_log
@@ -21,8 +21,6 @@ from truing.log.columns import run_from_records
 from truing.plan import Kind, Plan
 from truing.recording.run import Run
 from truing.trial.robot import Robot
-
-FloatArray = npt.NDArray[np.float64]
 
 # Device time 0 is this long after the plant's creation (hil_sim/host_robot); the virtual board boots alike.
 _DEVICE_ZERO_S = 0.0146 + 38.6e-6 - 0.001

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.diagnose.fit import Fit
 from truing.diagnose.problem import Problem
 from truing.diagnose.result import Diagnosis, MismatchSpan
@@ -19,8 +19,6 @@ from truing.trial.comparators.sparse import sparse
 from truing.trial.comparators.sysid import sysid
 from truing.trial.effects import ALL
 from truing.trial.true_model import Bench
-
-FloatArray = npt.NDArray[np.float64]
 
 # Rivals of the hidden effect that are refitted to noise-free output.
 _RIVALS = 3
@@ -281,7 +279,7 @@ def _left_places(bench: Bench, diagnosis: Diagnosis) -> tuple[float | None, floa
     return _shares(left, noise, _cells(bench, diagnosis.mismatch))
 
 
-def _cells(bench: Bench, spans: tuple[MismatchSpan, ...]) -> npt.NDArray[np.bool_]:
+def _cells(bench: Bench, spans: tuple[MismatchSpan, ...]) -> BoolArray:
     """Rows by wheel that lie in spans, shape (n, 2)."""
     data = bench.real
     inside = np.zeros(data.speed_mps.shape, dtype=bool)
@@ -324,7 +322,7 @@ def _pose_places(
     return _shares(effect, noise, inside)
 
 
-def _moves(pose: FloatArray, at: npt.NDArray[np.int64], windows: object) -> FloatArray:
+def _moves(pose: FloatArray, at: IntArray, windows: object) -> FloatArray:
     """Displacement over windows in the frame of their beginnings, shape (m, 3)."""
     first, last = pose[at[windows.first]], pose[at[windows.last]]  # type: ignore[attr-defined]
     step = last - first
@@ -333,7 +331,7 @@ def _moves(pose: FloatArray, at: npt.NDArray[np.int64], windows: object) -> Floa
 
 
 def _shares(
-    effect: FloatArray, noise: FloatArray, inside: npt.NDArray[np.bool_]
+    effect: FloatArray, noise: FloatArray, inside: BoolArray
 ) -> tuple[float | None, float | None, float | None]:
     """Share of the effect in the spans, and of the spans that is the effect: by cells, by energy."""
     total = float(effect.sum())

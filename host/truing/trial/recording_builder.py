@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from truing.arrays import BoolArray, FloatArray
 from truing.errors import WeakEffectError
 from truing.plan import Kind, Plan
 from truing.recording.run import Run
@@ -36,9 +36,6 @@ from truing.trial.strength import (
     row_motion,
     wheel_strength,
 )
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
 
 _COLUMNS = (
     "t_s",

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from hil_sim.plant import (
     BatteryParameters,
@@ -20,8 +19,7 @@ from hil_sim.plant import (
     WheelParameters,
 )
 from hil_sim.unmodelled_effects import UnmodelledEffects
-
-FloatArray = npt.NDArray[np.float64]
+from truing.arrays import FloatArray
 
 _GEAR_RATIO = 30.0
 _INDUCTIVE_S = 0.0002

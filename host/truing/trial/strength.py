@@ -14,10 +14,9 @@ import numpy.typing as npt
 
 from hil_sim.host_robot import replay
 from hil_sim.recorded import Samples
+from truing.arrays import FloatArray
 from truing.trial.drives import DrivenSet
 from truing.trial.robot import Robot
-
-FloatArray = npt.NDArray[np.float64]
 
 POSE_WINDOW_ROWS = 20
 _LATE_S = 0.00065

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.diagnose.data.set_data import SetData, set_data
 from truing.diagnose.engine import initial_fit
 from truing.diagnose.fit import Fit, fit
@@ -24,10 +24,6 @@ from truing.diagnose.signal_selection import with_recorder_speeds, with_selected
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.recording.reader import read_recording_set
 from truing.recording.run import WHEELS, RecordingSet, Run
-
-FloatArray = npt.NDArray[np.float64]
-BoolArray = npt.NDArray[np.bool_]
-IntArray = npt.NDArray[np.int64]
 
 # Noise levels beside which no misfit is large.
 _PLAIN_LEVEL = 30.0

@@ -8,9 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from truing.arrays import BoolArray as BoolArray
-from truing.arrays import FloatArray as FloatArray
-from truing.arrays import IntArray as IntArray
+from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.diagnose.data.valid_rows import carried_over, valid_rows
 from truing.errors import IdentifyError
 from truing.model.excitation import STILL_ROWS, Pieces, excitation

@@ -13,7 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from truing.diagnose.data.set_data import FloatArray, set_data
+from truing.arrays import FloatArray
+from truing.diagnose.data.set_data import set_data
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.errors import FileError
 from truing.recording.baseline import RobotGeometry

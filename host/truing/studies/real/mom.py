@@ -17,7 +17,8 @@ from pathlib import Path
 
 import numpy as np
 
-from truing.diagnose.data.set_data import FloatArray, set_data
+from truing.arrays import FloatArray
+from truing.diagnose.data.set_data import set_data
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.identify.levenberg import minimise
 from truing.recording.baseline import Baseline, RobotGeometry, WheelModel

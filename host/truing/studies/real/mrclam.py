@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from truing.diagnose.data.set_data import BoolArray, FloatArray
+from truing.arrays import BoolArray, FloatArray
 from truing.errors import FileError
 from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
 from truing.recording.run import RecordingSet, Run

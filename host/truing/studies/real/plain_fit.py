@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.diagnose.catalogue import CATALOGUE
-from truing.diagnose.data.set_data import BoolArray, FloatArray, IntArray, SetData
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.identify.levenberg import minimise

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from truing.diagnose.data.set_data import BoolArray, FloatArray, SetData
+from truing.arrays import BoolArray, FloatArray
+from truing.diagnose.data.set_data import SetData
 from truing.diagnose.simulation.simulator import SetSimulator
 
 # Half of a usual wheelbase, m: turns a heading error into metres where no wheelbase is known.

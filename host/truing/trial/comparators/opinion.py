@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from truing.arrays import FloatArray
 from truing.diagnose.data.set_data import SetData
-
-FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

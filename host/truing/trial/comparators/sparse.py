@@ -10,8 +10,9 @@ import math
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.diagnose.data.set_data import SetData
-from truing.trial.comparators.opinion import FloatArray, Opinion, slopes
+from truing.trial.comparators.opinion import Opinion, slopes
 
 _THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2)
 _ROUNDS = 10

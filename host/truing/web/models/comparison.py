@@ -15,13 +15,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import PlanError, TruingError
 from truing.identify.grey_box import simulate_signal
 from truing.identify.signals import wheel_signal
 from truing.model.wheel import WheelPhysics
 from truing.plan import Plan
 from truing.recording.baseline import Baseline
-from truing.recording.run import WHEELS, FloatArray, Run, Wheel
+from truing.recording.run import WHEELS, Run, Wheel
 from truing.studies.mom_odometry import NO_ERROR, ErrorModel
 from truing.web.models.effect_rollout import effect_rollout, has_memory
 from truing.web.models.error_model import ModelChoice

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import TruingError
 from truing.recording.baseline import Baseline
-from truing.recording.run import FloatArray, RecordingSet, Run
+from truing.recording.run import RecordingSet, Run
 from truing.web.pose import Pose
 
 # Effects whose state persists between runs: charge, heat, a changed load, the wheels' angle.

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from truing.recording.run import FloatArray
+from truing.arrays import FloatArray
 from truing.studies.mom_odometry import ErrorModel, replay
 from truing.studies.mom_odometry import Pose as PaperPose
 from truing.web.path.trajectory import Cycle

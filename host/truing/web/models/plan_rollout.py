@@ -12,9 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import TruingError
 from truing.recording.baseline import Baseline
-from truing.recording.run import FloatArray, Run
+from truing.recording.run import Run
 from truing.web.models.effect_rollout import effect_rollout
 from truing.web.path.trajectory import Cycle
 from truing.web.pose import Pose

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from truing.recording.run import FloatArray
+from truing.arrays import FloatArray
 from truing.web.pose import Pose
 
 

@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import TruingError
 from truing.identify.quantity import Quantity
 from truing.identify.step_metrics import step_metrics
 from truing.recording.baseline import Baseline
-from truing.recording.run import WHEELS, FloatArray, Run
+from truing.recording.run import WHEELS, Run
 from truing.web.views.figures import COLOURS, Line, Panel, panels
 
 USUAL = ("speed_left", "speed_right", "effort_left", "effort_right")

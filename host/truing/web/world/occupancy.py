@@ -11,12 +11,11 @@ import math
 
 import numpy as np
 
+from truing.arrays import BoolArray, FloatArray
 from truing.model.compiled import compiled
-from truing.recording.run import FloatArray
 from truing.web.pose import Pose
 from truing.web.world.map_file import FREE, OCCUPIED, UNKNOWN, ByteArray
 from truing.web.world.range_sensors import RangeSensor
-from truing.web.world.world_map import BoolArray
 
 # Probabilities 0.7 and 0.4 of the inverse sensor model in the book's example; the bound lets a cell that was
 # occupied for a long time become free again within seconds.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from truing.recording.run import FloatArray
+from truing.arrays import FloatArray
 from truing.web.pose import Pose
 from truing.web.world.ray_casting import cast
 from truing.web.world.world_map import WorldMap

@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
+from truing.arrays import BoolArray, FloatArray
 from truing.model.compiled import compiled
-from truing.recording.run import FloatArray
-from truing.web.world.world_map import BoolArray, WorldMap
+from truing.web.world.world_map import WorldMap
 
 
 def cast(world: WorldMap, x_m: float, y_m: float, angles_rad: FloatArray, max_range_m: float) -> FloatArray:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from truing.recording.run import FloatArray
+from truing.arrays import FloatArray
 from truing.web.pose import Pose
 from truing.web.world.occupancy import OccupancyGrid
 from truing.web.world.range_sensors import RangeSensor, laser_scanner, sonar_ring

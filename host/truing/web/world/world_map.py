@@ -5,14 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from truing.arrays import BoolArray
 from truing.errors import TruingError
-
-BoolArray: TypeAlias = NDArray[np.bool_]
 
 # 100 m by 100 m at 5 cm: still drawn by a page, and an image of a few kilobytes.
 MAX_CELLS = 4_000_000
