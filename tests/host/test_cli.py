@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import resource
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import click
 import pytest
 
 from support.cli import truing
-from truing.cli import COMMANDS, group
+from truing.cli import COMMANDS, GROUPS, group
 
 
 def with_subcommands(command: click.Command, name: str) -> list[tuple[str, click.Command]]:
@@ -46,6 +47,17 @@ def test_every_help_text_shows_an_example(name: str) -> None:
         assert inner.help is not None, path
         assert "Example" in inner.help, path
         assert "truing " in inner.help.split("Example", 1)[1], path
+
+
+def test_every_command_stands_in_exactly_one_group_of_the_help() -> None:
+    folder = Path(__file__).parents[2] / "host/truing/cli"
+    modules = [path for path in folder.glob("*.py") if "\ndef command(" in path.read_text(encoding="utf-8")]
+    grouped = [name for lines in GROUPS.values() for name in lines]
+    assert sorted(grouped) == sorted(path.stem.rstrip("_") for path in modules)
+
+    sections = re.findall(r"^(\w[\w ]*):\n((?:  .*\n?)+)", truing("--help").stdout, re.M)
+    listed = {title: re.findall(r"^  (\w+) ", lines, re.M) for title, lines in sections if title != "Options"}
+    assert listed == {title: list(lines) for title, lines in GROUPS.items()}
 
 
 def test_every_subcommand_named_in_the_help_exists() -> None:

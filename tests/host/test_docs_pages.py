@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 WIDTH = 130
 TOP_FOLDERS = ("docs", "firmware", "hil_sim", "host", "protocol", "tests")
 # `NAME`, `NEWCHIP` and stars stand for any; a colon or dots end a path.
-PLACEHOLDER = re.compile(r"[A-Z]{4,}(?!\.md)|\*|\.\.\.|[<>{}$]")
+PLACEHOLDER = re.compile(r"(?<![A-Za-z])[A-Z]{4,}(?![A-Za-z]|\.md)|\*|\.\.\.|[<>{}$]")
 
 
 def pages() -> list[str]:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 RELATIVE, SMALL = 0.25, 0.015
 ELLIPSIS = "..."
-TOKEN = re.compile(r"\.\.\.|\d+(?:\.\d+)?|[^\s\d.]+|\.")
+TOKEN = re.compile(r"\.\.\.|\d+(?:\.\d+)?|[^\s\d.,;:()]+|[.,;:()]")
 # What draws a table says nothing.
 RULES = re.compile(r"[─━┏┓┡┩└┘┴┳╇│┃]+")
 

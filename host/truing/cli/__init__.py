@@ -20,35 +20,46 @@ import click
 from truing import __version__
 from truing.errors import TruingError
 
-# Name, and the line that `truing --help` shows, in the order a newcomer meets them.
-COMMANDS: dict[str, str] = {
-    "demo": "The whole chain once; then a concealed effect, found and modelled.",
-    "view": "See and drive the robot in the browser.",
-    "board": "Start a virtual board for other programs to connect to.",
-    "ports": "List where a board may be.",
-    "info": "Say who the board is and how it is.",
-    "flash": "Write the firmware image to a board, and verify it.",
-    "check": "First power-up: find wires and settings that are wrong.",
-    "run": "Drive a plan, fetch its log, write it as a run.",
-    "step": "Drive one quick step and identify it.",
-    "plan": "List, show and check run plans.",
-    "tune": "Learn the feedforward of velocity mode from a short drive.",
-    "stream": "Signals of the board as they happen, up to 200 a second.",
-    "clock": "Relate the board's clock to this computer's: offset and drift.",
-    "stop": "Brake both wheels now.",
-    "faults": "Show the board's faults, or clear them.",
-    "params": "List, change, save and compare the board's parameters.",
-    "log": "List, fetch, arm and erase the board's logs.",
-    "import": "Turn recordings of other programs into a set of runs.",
-    "trial": "Hide an effect in a simulated robot, diagnose it, look whether it was found.",
-    "identify": "Gains and time constants of recordings.",
-    "fit": "Models of both wheels, judged on runs they never saw.",
-    "diagnose": "Where a simulation is wrong, and which physics it leaves out.",
-    "export": "Write a model for a simulator or a controller.",
-    "plot": "Draw recordings.",
-    "real": "Diagnose recordings of real robots, and what that does to the error on unseen runs.",
-    "paper": "Drive the paper's tests I to XVII, print Tables III and IV beside it.",
+# What each group of commands is for, their names, and the line that `truing --help` shows.
+GROUPS: dict[str, dict[str, str]] = {
+    "Drive a board": {
+        "view": "See and drive the robot in the browser.",
+        "board": "Start a virtual board for other programs to connect to.",
+        "ports": "List where a board may be.",
+        "flash": "Write the firmware image to a board, and verify it.",
+        "info": "Say who the board is and how it is.",
+        "check": "First power-up: find wires and settings that are wrong.",
+        "plan": "List, show and check run plans.",
+        "run": "Drive a plan, fetch its log, write it as a run.",
+        "step": "Drive one quick step and identify it.",
+        "stop": "Brake both wheels now.",
+        "faults": "Show the board's faults, or clear them.",
+        "params": "List, change, save and compare the board's parameters.",
+        "tune": "Learn the feedforward of velocity mode from a short drive.",
+    },
+    "Record": {
+        "log": "List, fetch, arm and erase the board's logs.",
+        "stream": "Signals of the board as they happen, up to 200 a second.",
+        "clock": "Relate the board's clock to this computer's: offset and drift.",
+        "import": "Turn recordings of other programs into a set of runs.",
+        "plot": "Draw recordings.",
+    },
+    "Model": {
+        "identify": "Gains and time constants of recordings.",
+        "fit": "Models of both wheels, judged on runs they never saw.",
+        "export": "Write a model for a simulator or a controller.",
+    },
+    "Diagnose": {
+        "diagnose": "Where a simulation is wrong, and which physics it leaves out.",
+    },
+    "Prove": {
+        "demo": "The whole chain once; then a concealed effect, found and modelled.",
+        "trial": "Conceal an effect in a simulated robot, diagnose it, see whether it was found.",
+        "real": "Diagnose recordings of real robots, and what that does to the error on unseen runs.",
+        "paper": "Drive the paper's tests I to XVII, print Tables III and IV beside it.",
+    },
 }
+COMMANDS: dict[str, str] = {name: line for lines in GROUPS.values() for name, line in lines.items()}
 
 EXIT_INTERRUPTED = 130
 
@@ -68,8 +79,9 @@ class _LazyGroup(click.Group):
         return loaded
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
-        with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+        for title, commands in GROUPS.items():
+            with formatter.section(title):
+                formatter.write_dl(list(commands.items()))
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -106,8 +118,9 @@ def group(ctx: click.Context, port: str, as_json: bool, verbose: int) -> None:
     """Run a two-wheel robot, fetch its recordings, and find what its simulation leaves out.
 
     \b
-    Example:
+    Examples:
       truing demo                          the whole chain on a virtual board
+      truing diagnose my_robot             what the simulation of my_robot/baseline.toml leaves out
       truing run paper/XI                  the paper's test XI on a virtual board
       truing --port /dev/ttyUSB0 info      who is on that port
     """

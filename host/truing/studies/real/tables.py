@@ -356,7 +356,7 @@ def markdown(study: RealStudy) -> str:
         "",
         "Written by `truing real --markdown FILE`. Each set is diagnosed from a baseline without friction "
         "and delay whose gain and time constant `truing` identified from the same runs under that structure. "
-        "What the recordings are: `host/truing/real/README.md`.",
+        "What the recordings are: `host/truing/studies/real/README.md`.",
     ]
     for table in tables(study):
         lines += [
