@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
 
@@ -16,9 +16,12 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from truing.identify.tables import PlainTable
+    from truing.recording.run import RecordingSet
     from truing.studies.bakirci_tests import LevelComparison
 
 Draw: TypeAlias = Callable[[Path], Path]
+# Time constants from a level to rest, s, by test.
+Endings: TypeAlias = dict[str, float | None]
 
 
 @click.group(invoke_without_command=True)
@@ -51,19 +54,48 @@ def command(ctx: click.Context, app: App, folder: Path | None, yes: bool) -> Non
 def _replay(app: App, folder: Path | None, yes: bool) -> None:
     import shutil
 
-    from truing.cli.driving import drive_on, warn_and_ask
-    from truing.identify.identification import identify_set
-    from truing.plan import load_plan
     from truing.recording.reader import read_recording_set
     from truing.studies.bakirci_gains import study_gains
     from truing.studies.bakirci_models import study_models
-    from truing.studies.bakirci_tests import PAPER_TESTS, compare, gain_errors, tau_to_zero_s
     from truing.studies.tables import gain_sentences, gain_tables, model_sentences, model_tables
     from truing.workspace import out_folder
 
     if folder is None:
         folder = out_folder() / "paper"
         shutil.rmtree(folder, ignore_errors=True)
+    paths = _drive(app, folder, yes)
+    recordings = read_recording_set(folder)
+    compared, endings = _compare(app, recordings, paths)
+    with app.progress("explaining") as progress:
+        gains_study = study_gains()
+        progress(0.5)
+        # A set that the user names may hold runs of other days: the models are those of this drive.
+        driven = replace(
+            recordings,
+            runs=tuple(run for run in recordings if run.name in {path.stem for path in paths}),
+        )
+        models_study = study_models(driven, lambda share: progress(0.5 + 0.5 * share))
+    app.emit(
+        _levels_json(compared, endings)
+        | {
+            "runs": [str(path) for path in paths],
+            "printed_gains": gains_study.to_json(),
+            "models": models_study.to_json(),
+        }
+    )
+    _show_levels(app, compared, endings)
+    app.say(f"Gains in mm/s per % of effort, or m/s per m/s; time constants in s. The runs: {folder}")
+    app.say()
+    show(app, gain_tables(gains_study)[:1], gain_sentences(gains_study))
+    show(app, model_tables(models_study), model_sentences(models_study))
+
+
+def _drive(app: App, folder: Path, yes: bool) -> list[Path]:
+    """Drive the tests; returns their runs' files."""
+    from truing.cli.driving import drive_on, warn_and_ask
+    from truing.plan import load_plan
+    from truing.studies.bakirci_tests import PAPER_TESTS
+
     paths = []
     with app.open_device(lasting=False) as device:
         parameters = device.parameters()
@@ -75,64 +107,70 @@ def _replay(app: App, folder: Path | None, yes: bool) -> None:
                 saved = drive_on(app, device, parameters, plan, folder, test.name, quiet=True)
                 paths.append(saved.path)
                 progress((number + 1) / len(PAPER_TESTS))
-    recordings = read_recording_set(folder)
+    return paths
+
+
+def _compare(
+    app: App, recordings: RecordingSet, paths: Sequence[Path]
+) -> tuple[list[LevelComparison], Endings]:
+    """Identify the runs; returns each level beside the paper's, and the time constants to rest by test, s."""
+    from truing.identify.identification import identify_set
+    from truing.studies.bakirci_tests import PAPER_TESTS, compare, tau_to_zero_s
+
     with app.progress("identifying") as progress:
         result = identify_set(recordings, progress)
     runs = {run.name: run for run in result.runs}
-    compared, endings = [], {}
+    compared: list[LevelComparison] = []
+    endings: Endings = {}
     for test, path in zip(PAPER_TESTS, paths, strict=True):
         compared += compare(test, runs[path.stem])
         endings[test.name] = tau_to_zero_s(test, runs[path.stem])
+    return compared, endings
+
+
+def _levels_json(compared: Sequence[LevelComparison], endings: Endings) -> dict[str, Any]:
+    from truing.studies.bakirci_tests import gain_errors
+
     effort = gain_errors([c for c in compared if c.test.is_effort])
     velocity = gain_errors([c for c in compared if not c.test.is_effort])
-    with app.progress("explaining") as progress:
-        gains_study = study_gains()
-        progress(0.5)
-        # A set that the user names may hold runs of other days: the models are those of this drive.
-        driven = replace(
-            recordings,
-            runs=tuple(run for run in recordings if run.name in {path.stem for path in paths}),
-        )
-        models_study = study_models(driven, lambda share: progress(0.5 + 0.5 * share))
-    app.emit(
-        {
-            "levels": [
-                {
-                    "test": c.test.name,
-                    "mode": c.test.mode,
-                    "input": c.paper.input,
-                    "gain": c.gain,
-                    "gain_paper": c.paper.gain,
-                    "tau_s": c.tau_s,
-                    "tau_paper_s": c.paper.tau_s,
-                }
-                for c in compared
-            ],
-            "tau_to_zero_s": endings,
-            "effort_gain_error": {"mean": effort.mean, "worst": effort.worst, "worst_at": effort.worst_level},
-            "velocity_gain_error": {"mean": velocity.mean, "worst": velocity.worst},
-            "runs": [str(path) for path in paths],
-            "printed_gains": gains_study.to_json(),
-            "models": models_study.to_json(),
-        }
-    )
+    return {
+        "levels": [
+            {
+                "test": c.test.name,
+                "mode": c.test.mode,
+                "input": c.paper.input,
+                "gain": c.gain,
+                "gain_paper": c.paper.gain,
+                "tau_s": c.tau_s,
+                "tau_paper_s": c.paper.tau_s,
+            }
+            for c in compared
+        ],
+        "tau_to_zero_s": endings,
+        "effort_gain_error": {"mean": effort.mean, "worst": effort.worst, "worst_at": effort.worst_level},
+        "velocity_gain_error": {"mean": velocity.mean, "worst": velocity.worst},
+    }
+
+
+def _show_levels(app: App, compared: Sequence[LevelComparison], endings: Endings) -> None:
+    """Print Tables III and IV, and how far the gains are from the paper's."""
+    from truing.studies.bakirci_tests import gain_errors
+
     app.show(_table_iii([c for c in compared if c.test.table == "III"], endings))
     app.show(_table_iv([c for c in compared if c.test.table == "IV"]))
+    effort = gain_errors([c for c in compared if c.test.is_effort])
     app.say(
         f"Effort mode, {effort.count} gains: {effort.mean:.2%} from the paper's on average, "
         f"{effort.worst:.2%} at worst (test {effort.worst_level})."
     )
-    gains = [c.gain for c in compared if not c.test.is_effort and c.gain is not None]
+    velocity = [c for c in compared if not c.test.is_effort]
+    gains = [c.gain for c in velocity if c.gain is not None]
     app.say(
-        f"Velocity mode, {velocity.count} gains: {min(gains, default=0):.2f} to {max(gains, default=0):.2f} "
+        f"Velocity mode, {len(velocity)} gains: {min(gains, default=0):.2f} to {max(gains, default=0):.2f} "
         "here, where the paper reads 1.01 to 1.08. The controller's integral action\nleaves no steady error "
         "against its own encoders; the paper does not say where its excess comes from, and the\ncontroller "
         "is not bent to match it."
     )
-    app.say(f"Gains in mm/s per % of effort, or m/s per m/s; time constants in s. The runs: {folder}")
-    app.say()
-    show(app, gain_tables(gains_study)[:1], gain_sentences(gains_study))
-    show(app, model_tables(models_study), model_sentences(models_study))
 
 
 def show(app: App, tables: Sequence[PlainTable], sentences: Sequence[str]) -> None:
@@ -253,7 +291,7 @@ def models(app: App, runs: Path | None, out: Path | None) -> None:
         app.say(f"written: {path}")
 
 
-def _table_iii(levels: Sequence[LevelComparison], endings: dict[str, float | None]) -> Table:
+def _table_iii(levels: Sequence[LevelComparison], endings: Endings) -> Table:
     from rich.table import Table
 
     table = Table(title="Table III: one wheel, beside the paper", title_justify="left")

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from truing.cli.app import App
 from truing.cli.options import json_option
+
+if TYPE_CHECKING:
+    from truing.studies.real.tables import RealStudy
 
 OTHERS = ("emps", "mrclam", "mom")
 
@@ -41,43 +45,13 @@ def command(app: App, recordings: Path | None, only: tuple[str, ...], page: Path
       truing real --markdown real.md
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    from truing.errors import FileError
     from truing.recording.writer import replace_file
-    from truing.studies.real.drivetrains import set_folders
-    from truing.studies.real.study import study_drift, study_drivetrain, study_emps, study_mrclam
-    from truing.studies.real.tables import RealStudy, markdown, tables, undecided
+    from truing.studies.real.tables import markdown, tables, undecided
     from truing.workspace import recordings_folder
 
-    folder = recordings if recordings is not None else recordings_folder()
     wanted = [name.lower() for name in only]
-    others = [name for name in OTHERS if not wanted or name in wanted]
-    parts = [name for name in wanted if name not in OTHERS]
-    if folder is None or not folder.is_dir():
-        if wanted != ["mom"]:
-            place = folder or "$TRUING_RECORDINGS"
-            raise FileError(place, "no folder of real recordings", "Give DIR, or set TRUING_RECORDINGS")
-        folder = Path()
-    chosen = []
-    if parts or not wanted:
-        chosen = [
-            path for path in set_folders(folder) if not parts or any(p in path.name.lower() for p in parts)
-        ]
-    lost = [part for part in parts if not any(part in path.name.lower() for path in chosen)]
-    if lost:
-        raise FileError(folder / "real", f"holds no set whose name holds {lost[0]!r}")
-
-    sets = []
-    for path in chosen:
-        with app.progress(path.name) as progress:
-            sets.append(study_drivetrain(path, progress))
-    there = {name for name in others if name in wanted or (folder / "raw" / name).is_dir()}
-    with app.progress("emps", shown="emps" in there) as progress:
-        emps = study_emps(folder, progress) if "emps" in there else None
-    with app.progress("mrclam", shown="mrclam" in there) as progress:
-        mrclam = study_mrclam(folder, progress) if "mrclam" in there else None
-    with app.progress("mom", shown="mom" in others) as progress:
-        drift = study_drift(progress) if "mom" in others else None
-    result = RealStudy(tuple(sets), emps, mrclam, drift)
+    folder = _folder(recordings if recordings is not None else recordings_folder(), wanted)
+    result = _study(app, folder, _chosen(folder, wanted), wanted)
     app.emit(
         {
             "tables": [
@@ -94,3 +68,51 @@ def command(app: App, recordings: Path | None, only: tuple[str, ...], page: Path
     if page is not None:
         replace_file(page, markdown(result).encode("utf-8"))
         app.say(f"written: {page}")
+
+
+def _folder(folder: Path | None, wanted: list[str]) -> Path:
+    """The folder of recordings; the MOM paper's runs need none."""
+    from truing.errors import FileError
+
+    if folder is not None and folder.is_dir():
+        return folder
+    if wanted != ["mom"]:
+        place = folder or "$TRUING_RECORDINGS"
+        raise FileError(place, "no folder of real recordings", "Give DIR, or set TRUING_RECORDINGS")
+    return Path()
+
+
+def _chosen(folder: Path, wanted: list[str]) -> list[Path]:
+    """The sets under `real` whose names hold one of the wanted parts."""
+    from truing.errors import FileError
+    from truing.studies.real.drivetrains import set_folders
+
+    parts = [name for name in wanted if name not in OTHERS]
+    if wanted and not parts:
+        return []
+    chosen = [
+        path for path in set_folders(folder) if not parts or any(p in path.name.lower() for p in parts)
+    ]
+    for part in parts:
+        if not any(part in path.name.lower() for path in chosen):
+            raise FileError(folder / "real", f"holds no set whose name holds {part!r}")
+    return chosen
+
+
+def _study(app: App, folder: Path, chosen: list[Path], wanted: list[str]) -> RealStudy:
+    from truing.studies.real.study import study_drift, study_drivetrain, study_emps, study_mrclam
+    from truing.studies.real.tables import RealStudy
+
+    sets = []
+    for path in chosen:
+        with app.progress(path.name) as progress:
+            sets.append(study_drivetrain(path, progress))
+    others = [name for name in OTHERS if not wanted or name in wanted]
+    there = {name for name in others if name in wanted or (folder / "raw" / name).is_dir()}
+    with app.progress("emps", shown="emps" in there) as progress:
+        emps = study_emps(folder, progress) if "emps" in there else None
+    with app.progress("mrclam", shown="mrclam" in there) as progress:
+        mrclam = study_mrclam(folder, progress) if "mrclam" in there else None
+    with app.progress("mom", shown="mom" in others) as progress:
+        drift = study_drift(progress) if "mom" in others else None
+    return RealStudy(tuple(sets), emps, mrclam, drift)
