@@ -204,7 +204,7 @@ class WeakEffectError(TruingError):
     """The effect cannot be made as strong on this robot as the trial wants it."""
 
 
-class TrialMakerError(TruingError):
+class SealedProcessError(TruingError):
     """The process that makes trials could not make this one."""
 
     exit_code = 1

@@ -10,7 +10,7 @@ from support.paper_drives import Held, drive_paper
 from truing_protocol import LOG_RECORD_DTYPE
 
 RAW_BYTES = LOG_RECORD_DTYPE.itemsize  # a record's integers, one after the other
-SHAKEN = UnmodelledEffects().changed(disturbance__torque_nm=(0.01, 0.01), disturbance__correlation_s=0.2)
+DISTURBED = UnmodelledEffects().changed(disturbance__torque_nm=(0.01, 0.01), disturbance__correlation_s=0.2)
 
 
 def say(name: str, held: Held) -> None:
@@ -33,7 +33,7 @@ def test_the_papers_tests_at_20_hz_fit_for_half_an_hour_and_more(image: Path, na
 def test_a_ring_that_came_round_holds_the_newest_logs_whole(native_library: Path) -> None:
     """The host robot has less memory; the bytes per record are the same."""
     with HostRobot(seed=3) as robot:
-        robot.set_unmodelled_effects(SHAKEN)
+        robot.set_unmodelled_effects(DISTURBED)
         held = drive_paper(robot)
     say("host robot", held)
     assert held.came_round

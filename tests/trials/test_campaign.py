@@ -30,7 +30,7 @@ def pretended(each: Task) -> Score:
         verdict=kind, said=said, named=worth.named, named_alone=worth.named_alone,
         confidently_wrong=worth.confidently_wrong, right=worth.right,
         place_right=True if family == "outside" else None, later=(), resolved=None, seconds=1.0, cpu_s=1.0,
-        making_cpu_s=1.0, scoring_cpu_s=1.0, sha256="", measured={"gap_closed": 0.95, "harm": 0.5},
+        building_cpu_s=1.0, scoring_cpu_s=1.0, sha256="", measured={"gap_closed": 0.95, "harm": 0.5},
         methods={"guess": (False, True)},
     )  # fmt: skip
 
@@ -81,7 +81,7 @@ def test_the_page_has_every_figure_with_bar_bounds_and_seeds(tmp_path: Path) -> 
     assert all(each.title in page for each in figures(scores))
     assert all(f"| {each.effect} | {each.seed} |" in page for each in scores)
     met = {each.title: each.met for each in figures(scores)}
-    assert met["nothing concealed: not accused"]
+    assert met["nothing concealed: no false positive"]
 
 
 def test_methods_are_counted_over_the_same_trials(tmp_path: Path) -> None:
@@ -95,13 +95,13 @@ def test_methods_are_counted_over_the_same_trials(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("right", "met"), [(100, True), (97, False)])
-def test_an_accused_healthy_robot_counts_against_its_bar(right: int, met: bool) -> None:
+def test_a_false_positive_on_a_healthy_robot_counts_against_its_limit(right: int, met: bool) -> None:
     healthy = [each for each in tasks(470, 1) if each.effect == "none"]
     scores = [pretended(each) for each in healthy]
     wrong = judge("missing_physics", ("input_delay",), "null", ())
     for k in range(right, 100):
         values = scores[k].to_json() | {"right": wrong.right, "confidently_wrong": wrong.confidently_wrong}
         scores[k] = Score.from_json(values)
-    figure = next(each for each in figures(scores) if each.title == "nothing concealed: not accused")
+    figure = next(each for each in figures(scores) if each.title == "nothing concealed: no false positive")
     assert figure.number == 100
     assert figure.met is met

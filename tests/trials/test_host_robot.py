@@ -59,7 +59,7 @@ BRISTLES = UnmodelledEffects().changed(
 )
 
 
-@pytest.mark.parametrize("effects", [UnmodelledEffects(), LATE], ids=["plain", "late and shaken"])
+@pytest.mark.parametrize("effects", [UnmodelledEffects(), LATE], ids=["plain", "late and disturbed"])
 def test_host_robot_and_flashed_image_leave_the_same_log_byte_for_byte(
     image: Path, phases_us: tuple[float, float], effects: UnmodelledEffects
 ) -> None:

@@ -38,7 +38,7 @@ def test_a_robot_that_drags_is_found_out_and_scored(tmp_path: Path, native_libra
 
 
 @pytest.mark.slow
-def test_a_healthy_robot_is_not_accused(tmp_path: Path, native_library: Path) -> None:
+def test_nothing_is_named_on_a_healthy_robot(tmp_path: Path, native_library: Path) -> None:
     one = trial("none", 6, tmp_path)
     assert one.hidden == ()
     assert one.right

@@ -51,7 +51,7 @@ def test_the_seal_is_shown_before_the_recordings_and_opened_after_the_verdict(
 ) -> None:
     heard: list[str] = []
 
-    def look(folder: Path, baseline: Path) -> Diagnosis:
+    def stand_in(folder: Path, baseline: Path) -> Diagnosis:
         heard.append("diagnosed")
         runs = read_recording_set(folder, baseline)
         assert len(runs) == 2
@@ -67,26 +67,26 @@ def test_the_seal_is_shown_before_the_recordings_and_opened_after_the_verdict(
         core=True,
         judged=tmp_path / "judged",
     )
-    result = run_concealed(asked, tmp_path / "set", tell=heard.append, diagnose=look)
+    result = run_concealed(asked, tmp_path / "set", tell=heard.append, diagnose=stand_in)
     assert heard == [result.sha256, "diagnosed"]
     assert [each["name"] for each in result.answer["effects"]] == ["input_delay"]
     assert len(list((tmp_path / "judged" / "runs").glob("*.csv"))) == 4
 
 
 @pytest.mark.slow
-def test_a_doubt_gets_the_runs_that_it_proposes_from_the_same_robot(
+def test_an_ambiguity_gets_the_runs_that_it_proposes_from_the_same_robot(
     tmp_path: Path, native_library: Path
 ) -> None:
     plan = load_plan("diagnosis/coast_downs")
     seen: list[int] = []
 
-    def look(folder: Path, baseline: Path) -> Diagnosis:
+    def stand_in(folder: Path, baseline: Path) -> Diagnosis:
         seen.append(len(read_recording_set(folder, baseline)))
-        doubt = NextExperiment(plan, (("input_delay",), ("driver_lag",)), 5.0, "")
-        return replace(diagnosed("ambiguous", "input_delay", "driver_lag"), next_experiment=doubt)
+        proposed = NextExperiment(plan, (("input_delay",), ("driver_lag",)), 5.0, "")
+        return replace(diagnosed("ambiguous", "input_delay", "driver_lag"), next_experiment=proposed)
 
     asked = Asked("input_delay", 3, plans=("diagnosis/reversals",), core=True, more_runs=2)
-    result = run_concealed(asked, tmp_path, diagnose=look)
+    result = run_concealed(asked, tmp_path, diagnose=stand_in)
     assert seen == [1, 2, 3]
     assert len(result.more) == 2
 

@@ -1,4 +1,4 @@
-"""`truing trial`: a robot with an effect hidden in it, and whether the diagnosis finds it."""
+"""`truing trial`: a robot with an effect concealed in it, and whether the diagnosis finds it."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Block: TypeAlias = Literal["main", "last"]
     "--effect",
     default="random",
     show_default=True,
-    help="What to hide: random, pair, outside, none, or effects by name (two with a comma between).",
+    help="What to conceal: random, pair, outside, none, or effects by name (two with a comma between).",
 )
 @click.option(
     "--seed", type=click.IntRange(0), default=1, show_default=True, help="Decides all that is drawn."
@@ -46,7 +46,7 @@ Block: TypeAlias = Literal["main", "last"]
     type=click.Choice(["main", "last"]),
     default="main",
     show_default=True,
-    help="Seeds of a campaign; those of `last` are for one look after all tuning.",
+    help="Seeds of a campaign; those of `last` are for one evaluation, after all tuning.",
 )
 @click.option(
     "--minutes", type=click.FloatRange(0.0), help="A campaign begins no trial after so many minutes."
@@ -76,7 +76,7 @@ def command(
     table: Path | None,
     out: Path | None,
 ) -> None:
-    """Hide an effect in a simulated robot, drive it, diagnose the recordings, then look what it was.
+    """Conceal an effect in a simulated robot, drive it, diagnose the recordings, then open the sealed answer.
 
     Another process builds the robot. It shows the SHA-256 of its salted answer before anything moves, and
     gives the answer away only after the verdict.
@@ -123,7 +123,7 @@ def command(
     hidden = ", ".join(
         f"{name} (S = {size:.2f})" for name, size in zip(scored.hidden, scored.strengths, strict=True)
     )
-    app.say(f"the seal is whole; hidden was: {hidden or 'nothing'}")
+    app.say(f"the seal is intact; concealed was: {hidden or 'nothing'}")
     app.say("right" if scored.right else "not right")
     app.say(f"  recordings: {folder / 'set'}; judging runs and truth: {folder / 'judged'}")
 

@@ -1,1 +1,1 @@
-"""Concealed trials: a robot with an effect hidden in it, and what a diagnosis makes of its recordings."""
+"""Concealed trials: a robot with an effect concealed in it, and the diagnosis of its recordings."""

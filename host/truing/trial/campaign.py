@@ -22,7 +22,7 @@ from truing.trial.score import IN_CATALOGUE, Score, judge, judge_method, place_r
 if TYPE_CHECKING:
     from truing.diagnose.result import Diagnosis
 
-MOST_MORE_RUNS = 2
+MAX_MORE_RUNS = 2
 Run = Callable[[Task, Path], Score]
 
 
@@ -97,7 +97,7 @@ def run_one(each: Task, folder: Path) -> Score:
         each.seed,
         weak=each.weak,
         core=not each.on_board,
-        more_runs=MOST_MORE_RUNS,
+        more_runs=MAX_MORE_RUNS,
         judged=place / "judged",
     )
     try:
@@ -120,15 +120,15 @@ def score(asked: Asked, result: TrialResult, place: Path) -> Score:
     first = result.first.diagnosis
     worth = judge(first.verdict, names_of(first), family, hidden)
     later = [(one.diagnosis.verdict, names_of(one.diagnosis)) for one in result.more]
-    in_doubt = first.verdict == "ambiguous" and worth.named and family in IN_CATALOGUE
+    is_ambiguous = first.verdict == "ambiguous" and worth.named and family in IN_CATALOGUE
     began = time.process_time()
     measured, methods = {}, {}
     if asked.judged is not None and any(asked.judged.glob("runs/*.csv")):
         # Loaded here, so that a trial without judging runs does without.
         from truing.trial.measure import measure
-        from truing.trial.true_model import Bench
+        from truing.trial.true_model import TrueModel
 
-        figures = measure(Bench(place / "set", asked.judged, len(first.runs), answer), first)
+        figures = measure(TrueModel(place / "set", asked.judged, len(first.runs), answer), first)
         measured = asdict(figures)
         methods = {name: judge_method(said, family, hidden) for name, said in figures.opinions.items()}
     return Score(
@@ -148,10 +148,10 @@ def score(asked: Asked, result: TrialResult, place: Path) -> Score:
         right=worth.right,
         place_right=place_right(measured) if measured and family == "outside" else None,
         later=tuple(f"{kind}: {', '.join(said)}" for kind, said in later),
-        resolved=(bool(later) and resolved(later, hidden)) if in_doubt and asked.more_runs else None,
+        resolved=(bool(later) and resolved(later, hidden)) if is_ambiguous and asked.more_runs else None,
         seconds=result.first.seconds,
         cpu_s=result.first.cpu_s,
-        making_cpu_s=result.making_cpu_s,
+        building_cpu_s=result.building_cpu_s,
         scoring_cpu_s=time.process_time() - began,
         sha256=result.sha256,
         measured=measured,

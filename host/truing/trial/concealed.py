@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from truing.errors import TrialMakerError
+from truing.errors import SealedProcessError
 from truing.plan import Plan
 from truing.trial.seal import open_seal
 
@@ -68,7 +68,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class TrialResult:
-    """What the diagnosis said, and what was hidden.
+    """What the diagnosis said, and what was concealed.
 
     Attributes
     ----------
@@ -80,7 +80,7 @@ class TrialResult:
     first: Verdict
     more: tuple[Verdict, ...]
     answer: dict[str, Any]
-    making_cpu_s: float
+    building_cpu_s: float
 
 
 def run_concealed(
@@ -99,7 +99,7 @@ def run_concealed(
     tell : told the seal's hash before the robot moves.
     diagnose : another diagnosis than the product's.
     """
-    with _Maker(asked, folder, tell, progress) as maker:
+    with _SealedProcess(asked, folder, tell, progress) as process:
         first = _timed(diagnose or _diagnose, folder)
         more: list[Verdict] = []
         while len(more) < asked.more_runs:
@@ -107,14 +107,14 @@ def run_concealed(
             proposed = last.diagnosis.next_experiment
             if last.diagnosis.verdict != "ambiguous" or proposed is None:
                 break
-            if not maker.drive(proposed.plan, f"proposed_{len(more) + 1}"):
+            if not process.drive(proposed.plan, f"proposed_{len(more) + 1}"):
                 break
             more.append(_timed(diagnose or _diagnose, folder))
-        answer = maker.open(asked.judged)
-        return TrialResult(maker.shown, first, tuple(more), answer, maker.cpu_s)
+        answer = process.open(asked.judged)
+        return TrialResult(process.shown, first, tuple(more), answer, process.cpu_s)
 
 
-class _Maker:
+class _SealedProcess:
     """The process that knows the answer, as long as it runs."""
 
     def __init__(self, asked: Asked, folder: Path, tell: Tell, progress: Progress | None) -> None:
@@ -126,7 +126,7 @@ class _Maker:
         )
         self.cpu_s = 0.0
 
-    def __enter__(self) -> _Maker:
+    def __enter__(self) -> _SealedProcess:
         try:
             self._hear("written")
         except BaseException:
@@ -167,7 +167,7 @@ class _Maker:
         for line in self._process.stdout:
             said = json.loads(line)
             if "error" in said:
-                raise TrialMakerError(said["error"], said.get("next", ""))
+                raise SealedProcessError(said["error"], said.get("next", ""))
             if "sha256" in said:
                 self.shown = str(said["sha256"])
                 self._tell(self.shown)
@@ -177,9 +177,7 @@ class _Maker:
             for key in keys:
                 if key in said:
                     return key, said[key]
-        raise TrialMakerError(
-            "the process that makes the trial ended before its time", "run it again with -v"
-        )
+        raise SealedProcessError("the process that builds the trial ended too early", "run it again with -v")
 
 
 def _timed(diagnose: Diagnose, folder: Path) -> Verdict:

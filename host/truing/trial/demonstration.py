@@ -127,37 +127,38 @@ def _judged(result: TrialResult, folder: Path) -> Demonstration:
     """Simulate the judging runs with the three models, from their efforts alone."""
     # What knows the answer is loaded once the seal is open, and not before.
     from truing.trial.measure import SPEED_SIGNALS
-    from truing.trial.true_model import Bench
+    from truing.trial.true_model import TrueModel
 
     diagnosis = result.first.diagnosis
-    bench = Bench(folder / "set", folder / "judged", len(diagnosis.runs), result.answer)
-    given = bench.simulator.start()
+    true_model = TrueModel(folder / "set", folder / "judged", len(diagnosis.runs), result.answer)
+    given = true_model.simulator.start()
     refitted = given.copy()
     for entry in diagnosis.numbers:
-        refitted[bench.simulator.layout.index(f"{_NUMBERS[entry.name]}_{entry.wheel}")] = entry.refitted
+        refitted[true_model.simulator.layout.index(f"{_NUMBERS[entry.name]}_{entry.wheel}")] = entry.refitted
     found = diagnosis.explanations[0]
     place = next((span for span in diagnosis.mismatch if span.signal in SPEED_SIGNALS), None)
     wheel = 0 if place is None else SPEED_SIGNALS.index(place.signal)
-    rows = bench.judging & (bench.all.data.run_of_row == bench.all.data.run_of_row[bench.judging][0])
+    every = true_model.all.data
+    rows = true_model.judging & (every.run_of_row == every.run_of_row[true_model.judging][0])
     unseen = Curves(
-        bench.all.data.names[int(bench.all.data.run_of_row[rows][0])],
+        every.names[int(every.run_of_row[rows][0])],
         WHEELS[wheel],
-        bench.all.data.t_s[rows],
-        bench.all.data.speed_mps[rows, wheel],
-        bench.speeds(given, ())[rows, wheel],
-        bench.speeds(found.theta, found.effects)[rows, wheel],
+        every.t_s[rows],
+        every.speed_mps[rows, wheel],
+        true_model.speeds(given, ())[rows, wheel],
+        true_model.speeds(found.theta, found.effects)[rows, wheel],
     )
-    judging = np.unique(bench.all.data.run_of_row[bench.judging])
+    judging = np.unique(every.run_of_row[true_model.judging])
     return Demonstration(
         result,
         place,
         None if place is None else _recorded(diagnosis, place, wheel),
         unseen,
-        tuple(bench.all.data.names[int(run)] for run in judging),
-        bench.speed_error(given, ()),
-        bench.speed_error(refitted, ()),
-        bench.speed_error(found.theta, found.effects),
-        bench.noise_mps,
+        tuple(every.names[int(run)] for run in judging),
+        true_model.speed_error(given, ()),
+        true_model.speed_error(refitted, ()),
+        true_model.speed_error(found.theta, found.effects),
+        true_model.noise_mps,
     )
 
 

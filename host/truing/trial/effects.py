@@ -1,6 +1,6 @@
-"""What can be hidden in a trial's robot: the 27 effects of the catalogue and kinds that no catalogue has.
+"""What can be concealed in a trial's robot: the 27 effects of the catalogue and kinds that no catalogue has.
 
-Each takes a robot, a strength (1 is about the most that a robot of this kind has) and a generator
+Each takes a robot, a strength (1 is about the largest that a robot of this kind has) and a generator
 that gives the same draws whatever the strength, and changes the robot. The physics is the plant's;
 here are only its numbers.
 """
@@ -23,13 +23,13 @@ Domain = Literal["wheel", "pose"]
 
 @dataclass(frozen=True)
 class Hidden:
-    """One effect that a trial can hide.
+    """One effect that a trial can conceal.
 
     Attributes
     ----------
     apply : changes the robot, at a strength.
     start : strength that is tried first.
-    most : largest strength that makes sense.
+    max_strength : largest strength that is physically plausible.
     domain : where its strength is judged: in the wheels' speeds or in the pose.
     needs : columns without which it cannot be told at all: `truth`, `speed` (the recorder's own).
     tied : the baseline has both sides equal.
@@ -38,7 +38,7 @@ class Hidden:
     name: str
     apply: Apply
     start: float = 0.3
-    most: float = 1.0
+    max_strength: float = 1.0
     domain: Domain = "wheel"
     needs: tuple[str, ...] = ()
     tied: bool = False
@@ -164,7 +164,7 @@ def _coast_decay(robot: Robot, strength: float, _rng: Rng) -> None:
 
 
 def _gear(robot: Robot, hertz: float, damping: float) -> None:
-    """Stiffness at which the motor swings against a held wheel that fast."""
+    """Stiffness at which the motor oscillates against a held wheel at that frequency."""
     motor = robot.inertia_kg * robot.rotor_share * robot.radius_m**2
     stiffness = motor * (2.0 * math.pi * hertz) ** 2
     robot.add_hidden(gear__stiffness_nm_per_rad=stiffness, gear__damping=damping)
@@ -322,7 +322,7 @@ _CATALOGUE = (
     Hidden("speed_limit", _speed_limit, start=0.4),
     Hidden("direction_asymmetry", _direction_asymmetry),
     Hidden("side_asymmetry", _side_asymmetry, tied=True),
-    Hidden("coast_decay", _coast_decay, start=0.7, most=1.15),
+    Hidden("coast_decay", _coast_decay, start=0.7, max_strength=1.15),
     Hidden("gear_backlash", _gear_backlash),
     Hidden("torque_ripple", _torque_ripple),
     Hidden("encoder_eccentricity", _encoder_eccentricity),
@@ -338,14 +338,14 @@ _CATALOGUE = (
     Hidden("payload_change", _payload_change),
 )
 _OUTSIDE = (
-    Hidden("drive_train_resonance", _drive_train_resonance, outside=True, most=1.5),
+    Hidden("drive_train_resonance", _drive_train_resonance, outside=True, max_strength=1.5),
     Hidden("square_law_driver", _square_law_driver, outside=True),
     Hidden("rough_patches", _rough_patches, outside=True),
     Hidden("effort_dropouts", _effort_dropouts, outside=True),
     Hidden("slipping_hub", _slipping_hub, start=0.5, outside=True),
-    Hidden("one_way_flywheel", _one_way_flywheel, outside=True, most=2.0),
+    Hidden("one_way_flywheel", _one_way_flywheel, outside=True, max_strength=2.0),
     Hidden("tether", _tether, outside=True),
-    Hidden("swinging_load", _swinging_load, outside=True, most=2.0),
+    Hidden("swinging_load", _swinging_load, outside=True, max_strength=2.0),
 )
 
 CATALOGUE: dict[str, Hidden] = {each.name: each for each in _CATALOGUE}

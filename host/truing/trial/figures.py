@@ -10,7 +10,7 @@ import numpy as np
 
 from truing.trial.score import HARM, Score
 
-# Two explanations whose predictions differ by this whitened norm are told apart nearly always.
+# Two explanations whose predictions differ by this whitened norm are nearly always distinguished.
 SEPARABLE = 4.0
 # Beyond this S an effect has full strength.
 FULL = 1.0
@@ -48,7 +48,7 @@ class Figure:
     value : the share, or the median.
     low, high : its 95 % bounds.
     number : how many trials (or values) it rests on.
-    bar, most : at least the bar, or at most; None: no bar.
+    bar : limit that `value` must reach, or with `is_max` must not exceed; None: no limit.
     """
 
     title: str
@@ -57,7 +57,7 @@ class Figure:
     high: float
     number: int
     bar: float | None = None
-    most: bool = False
+    is_max: bool = False
     share: bool = True
     upper_bar: float | None = None
 
@@ -66,25 +66,25 @@ class Figure:
         """Whether the bar is met; None without a bar or without trials."""
         if self.bar is None or self.number == 0:
             return None
-        good = self.value <= self.bar if self.most else self.value >= self.bar
+        good = self.value <= self.bar if self.is_max else self.value >= self.bar
         return good and (self.upper_bar is None or self.value <= self.upper_bar)
 
 
 def share_of(
-    title: str, hits: Sequence[bool], bar: float | None, *, most: bool = False, upper: float | None = None
+    title: str, hits: Sequence[bool], bar: float | None, *, is_max: bool = False, upper: float | None = None
 ) -> Figure:
     """A share."""
     number, count = len(hits), sum(hits)
     low, high = bounds(count, number)
-    return Figure(title, count / number if number else math.nan, low, high, number, bar, most, True, upper)
+    return Figure(title, count / number if number else math.nan, low, high, number, bar, is_max, True, upper)
 
 
-def median_of(title: str, values: Sequence[float], bar: float | None, *, most: bool = False) -> Figure:
+def median_of(title: str, values: Sequence[float], bar: float | None, *, is_max: bool = False) -> Figure:
     """A median."""
     finite = [value for value in values if math.isfinite(value)]
     low, high = median_bounds(finite)
     middle = float(np.median(finite)) if finite else math.nan
-    return Figure(title, middle, low, high, len(finite), bar, most, False)
+    return Figure(title, middle, low, high, len(finite), bar, is_max, False)
 
 
 def _value(scores: Sequence[Score], name: str) -> list[float]:
@@ -92,12 +92,12 @@ def _value(scores: Sequence[Score], name: str) -> list[float]:
 
 
 def is_full(score: Score) -> bool:
-    """Whether everything hidden has full strength."""
+    """Whether everything concealed has full strength."""
     return score.strength >= FULL
 
 
 def separable(score: Score) -> bool:
-    """Whether the best rival, refitted, is further from the hidden effect than the noise hides."""
+    """Whether the best rival, refitted, is further from the concealed effect than the noise covers."""
     distance = score.measured.get("rival_distance")
     return distance is None or float(distance) >= SEPARABLE
 
@@ -111,20 +111,20 @@ def figures(scores: Sequence[Score]) -> list[Figure]:
     weak = [each for each in one if not is_full(each)]
     inside = [held for each in one + two for held in each.measured.get("inside", {}).values()]
     named = [each for each in one + two if each.named]
-    doubted = [each.resolved for each in scores if each.resolved is not None]
+    resolved_ambiguities = [each.resolved for each in scores if each.resolved is not None]
     rights = [each for each in named if each.verdict == "missing_physics"]
     return [
         share_of("one effect, full strength: named", [e.named for e in full], 0.95),
         share_of("one effect, weak: named", [e.named for e in weak], 0.85),
-        share_of("one, full, best rival told apart: alone", _alone(full), 0.85),
-        share_of("one, weak, best rival told apart: alone", _alone(weak), 0.70),
+        share_of("one, full, best rival distinguishable: alone", _alone(full), 0.85),
+        share_of("one, weak, best rival distinguishable: alone", _alone(weak), 0.70),
         share_of("one, full: alone, of all", [e.named_alone for e in full], None),
         share_of("one, weak: alone, of all", [e.named_alone for e in weak], None),
         share_of("one effect: verdict `ambiguous`", [e.verdict == "ambiguous" for e in one], None),
         share_of("all trials: verdict `ambiguous`", [e.verdict == "ambiguous" for e in scores], None),
         share_of("two effects: both named, one extra at most", [e.named for e in two], 0.75),
-        share_of("nothing concealed: not accused", [e.right for e in null], 0.98),
-        share_of("confidently wrong", [e.confidently_wrong for e in scores], 0.02, most=True),
+        share_of("nothing concealed: no false positive", [e.right for e in null], 0.98),
+        share_of("confidently wrong", [e.confidently_wrong for e in scores], 0.02, is_max=True),
         share_of("outside the catalogue: `unexplained`", [e.right for e in outside], None),
         share_of(
             "outside: `unexplained`, place right", [e.right and bool(e.place_right) for e in outside], 0.80
@@ -135,15 +135,15 @@ def figures(scores: Sequence[Score]) -> list[Figure]:
         median_of("gap closed, other excitation", _value(one + two, "gap_closed"), 0.9),
         median_of("gap closed from the refitted baseline", _value(one + two, "gap_closed_refitted"), None),
         share_of("no harm on other excitation", [h <= HARM for h in _value(scores, "harm")], 0.99),
-        median_of("held-out error over noise floor", _value(named, "over_floor"), 1.15, most=True),
+        median_of("held-out error over noise floor", _value(named, "over_floor"), 1.15, is_max=True),
         median_of("noise floor over the true noise", _value(scores, "true_over_floor"), None),
-        share_of("`ambiguous`, truth among them: resolved by two runs at most", doubted, 0.85),
+        share_of("`ambiguous`, truth among them: resolved by two runs at most", resolved_ambiguities, 0.85),
         median_of("spans: share of the effect's energy", _value(rights, "covered"), 0.8),
         median_of("spans: share of them that is effect", _value(rights, "effect_share"), 0.8),
         median_of("spans: the same by energy beside noise", _value(rights, "effect_energy"), None),
         median_of("verdict, CPU seconds (one thread)", [e.cpu_s for e in scores], None),
-        median_of("verdict, CPU seconds over 2 cores", [0.5 * e.cpu_s for e in scores], 20.0, most=True),
-        median_of("making, CPU seconds", [e.making_cpu_s for e in scores], None),
+        median_of("verdict, CPU seconds over 2 cores", [0.5 * e.cpu_s for e in scores], 20.0, is_max=True),
+        median_of("building the recordings, CPU seconds", [e.building_cpu_s for e in scores], None),
     ]
 
 
@@ -160,7 +160,7 @@ def by_method(scores: Sequence[Score]) -> dict[str, list[tuple[str, int, int]]]:
         ("one, full", lambda s: s.family == "one" and is_full(s), False),
         ("one, weak", lambda s: s.family == "one" and not is_full(s), False),
         ("two", lambda s: s.family == "two", False),
-        ("nothing hidden", lambda s: s.family == "null", False),
+        ("nothing concealed", lambda s: s.family == "null", False),
         ("outside", lambda s: s.family == "outside", False),
         ("confidently wrong", lambda _: True, True),
     ]

@@ -18,12 +18,12 @@ from truing.trial.comparators.picker import picker
 from truing.trial.comparators.sparse import sparse
 from truing.trial.comparators.sysid import sysid
 from truing.trial.effects import ALL
-from truing.trial.true_model import Bench
+from truing.trial.true_model import TrueModel
 
-# Rivals of the hidden effect that are refitted to noise-free output.
+# Rivals of the concealed effect that are refitted to noise-free output.
 _RIVALS = 3
 # A true structure that lowers the error by less than this share leaves no gap to close.
-_LEAST_GAP = 0.02
+_MIN_GAP = 0.02
 # An effect is where this share of its energy is.
 WHERE_IT_IS = 0.95
 SPEED_SIGNALS = ("vel_left_mps", "vel_right_mps")
@@ -49,7 +49,7 @@ class Measured:
     effect_energy : share of the energy in the spans that is the effect's, the rest being noise.
     left_covered, left_share : `covered` and `effect_share` of what the refitted baseline leaves of noise-free
         output, for effects outside the catalogue: more than that no recording shows.
-    rival, rival_distance : the rival that comes nearest to the hidden effect on noise-free output, and the
+    rival, rival_distance : the rival that comes nearest to the concealed effect on noise-free output, and the
         whitened norm of what it misses there.
     opinions : what the other methods name.
     """
@@ -73,33 +73,33 @@ class Measured:
     opinion_gaps: dict[str, float] = field(default_factory=dict)
 
 
-def measure(bench: Bench, diagnosis: Diagnosis) -> Measured:
+def measure(true_model: TrueModel, diagnosis: Diagnosis) -> Measured:
     """Compare one diagnosis with the truth."""
-    known = str(bench.answer["family"]) in ("one", "two")
+    known = str(true_model.answer["family"]) in ("one", "two")
     opinions = {
-        "regression with sign": sysid(bench.real),
-        "sparse regression": sparse(bench.real),
-        "picker by training error": picker(diagnosis, _rows(bench)),
+        "regression with sign": sysid(true_model.real),
+        "sparse regression": sparse(true_model.real),
+        "picker by training error": picker(diagnosis, _rows(true_model)),
     }
     told = {name: list(opinion.names) for name, opinion in opinions.items()}
-    covered, effect_share, effect_energy = _places(bench, diagnosis)
+    covered, effect_share, effect_energy = _places(true_model, diagnosis)
     figures = Measured(
         over_floor=_over_floor(diagnosis),
-        true_over_floor=diagnosis.fit.noise_floor / bench.noise_mps,
+        true_over_floor=diagnosis.fit.noise_floor / true_model.noise_mps,
         covered=covered,
         effect_share=effect_share,
         effect_energy=effect_energy,
         opinions=told,
     )
     if not known:
-        left = _left_places(bench, diagnosis)
-        return _with(figures, harm=_harm(bench, diagnosis), left_covered=left[0], left_share=left[1])
-    hints = _hints(bench.on_clean, diagnosis)
-    ideal = bench.effective(hints)
-    ceiling = bench.ceiling(ideal)
-    rival, distance = _nearest_rival(bench, ideal, diagnosis)
-    effective, intervals, inside = _intervals(bench, ideal, diagnosis)
-    closed, refitted, harm = _gaps(bench, diagnosis, ceiling)
+        left = _left_places(true_model, diagnosis)
+        return _with(figures, harm=_harm(true_model, diagnosis), left_covered=left[0], left_share=left[1])
+    hints = _hints(true_model.on_clean, diagnosis)
+    ideal = true_model.effective(hints)
+    ceiling = true_model.ceiling(ideal)
+    rival, distance = _nearest_rival(true_model, ideal, diagnosis)
+    effective, intervals, inside = _intervals(true_model, ideal, diagnosis)
+    closed, refitted, harm = _gaps(true_model, diagnosis, ceiling)
     return _with(
         figures,
         inside=inside,
@@ -110,7 +110,7 @@ def measure(bench: Bench, diagnosis: Diagnosis) -> Measured:
         harm=harm,
         rival=rival,
         rival_distance=distance,
-        opinion_gaps=_opinion_gaps(bench, opinions, ceiling),
+        opinion_gaps=_opinion_gaps(true_model, opinions, ceiling),
     )
 
 
@@ -118,8 +118,8 @@ def _with(figures: Measured, **values: Any) -> Measured:
     return replace(figures, **values)
 
 
-def _rows(bench: Bench) -> int:
-    return int(2 * bench.real.judged.sum() + 3 * len(bench.on_real.pose_counted))
+def _rows(true_model: TrueModel) -> int:
+    return int(2 * true_model.real.judged.sum() + 3 * len(true_model.on_real.pose_counted))
 
 
 def _over_floor(diagnosis: Diagnosis) -> float | None:
@@ -146,33 +146,33 @@ def _hints(problem: Problem, diagnosis: Diagnosis) -> list[Fit]:
     ]
 
 
-def _nearest_rival(bench: Bench, ideal: Fit, diagnosis: Diagnosis) -> tuple[str, float | None]:
-    """Which other effect comes nearest to a single hidden one, and by how much it misses."""
-    if len(bench.names) != 1:
+def _nearest_rival(true_model: TrueModel, ideal: Fit, diagnosis: Diagnosis) -> tuple[str, float | None]:
+    """Which other effect comes nearest to a single concealed one, and by how much it misses."""
+    if len(true_model.names) != 1:
         return "", None
-    problem = bench.on_clean
+    problem = true_model.on_clean
     ranked = [entry.names[0] for entry in diagnosis.ranking if len(entry.names) == 1]
-    rivals = [name for name in dict.fromkeys(ranked) if name != bench.names[0]][:_RIVALS]
+    rivals = [name for name in dict.fromkeys(ranked) if name != true_model.names[0]][:_RIVALS]
     if not rivals:
         return "", None
-    base = bench.base(problem)
+    base = true_model.base(problem)
     found = Search.from_baseline(problem, base, rivals, 1).extend(base, _RIVALS) or [base]
     nearest = min(found, key=lambda one: one.cost)
     name = nearest.effects[0] if nearest.effects else "baseline"
-    true = bench.fitted(problem, bench.names, [ideal])
+    true = true_model.fitted(problem, true_model.names, [ideal])
     return name, math.sqrt(max(nearest.cost - true.cost, 0.0))
 
 
 def _intervals(
-    bench: Bench, ideal: Fit, diagnosis: Diagnosis
+    true_model: TrueModel, ideal: Fit, diagnosis: Diagnosis
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]], dict[str, bool]]:
     """Effective parameters, the intervals of rightly named effects, and which of these hold them."""
     intervals: dict[str, tuple[float, float]] = {}
     effective: dict[str, float] = {}
     inside: dict[str, bool] = {}
     said = {effect.name: effect for effect in diagnosis.effects if effect.explanation == 0}
-    for name in bench.names:
-        for key, value in bench.on_clean.simulator.report(name, ideal.theta).items():
+    for name in true_model.names:
+        for key, value in true_model.on_clean.simulator.report(name, ideal.theta).items():
             effective[f"{name}.{key}"] = value
             if diagnosis.verdict != "missing_physics" or name not in said:
                 continue
@@ -183,105 +183,108 @@ def _intervals(
     return effective, intervals, inside
 
 
-def _in_pose(bench: Bench) -> bool:
-    """Whether what is hidden shows in the pose alone."""
-    return bool(bench.names) and all(ALL[name].domain == "pose" for name in bench.names)
+def _in_pose(true_model: TrueModel) -> bool:
+    """Whether what is concealed shows in the pose alone."""
+    return bool(true_model.names) and all(ALL[name].domain == "pose" for name in true_model.names)
 
 
-def _error(bench: Bench, theta: FloatArray, effects: tuple[str, ...]) -> float:
-    if _in_pose(bench):
-        return bench.pose_error(theta, effects)
-    return bench.speed_error(theta, effects)
+def _error(true_model: TrueModel, theta: FloatArray, effects: tuple[str, ...]) -> float:
+    if _in_pose(true_model):
+        return true_model.pose_error(theta, effects)
+    return true_model.speed_error(theta, effects)
 
 
-def _fitted_error(bench: Bench, diagnosis: Diagnosis) -> float | None:
+def _fitted_error(true_model: TrueModel, diagnosis: Diagnosis) -> float | None:
     """Error of the model that the verdict stands for."""
     if diagnosis.verdict == "consistent":
-        return _error(bench, bench.simulator.start(), ())
+        return _error(true_model, true_model.simulator.start(), ())
     if not diagnosis.explanations:
         return None
     model = diagnosis.explanations[0]
-    return _error(bench, model.theta, model.effects)
+    return _error(true_model, model.theta, model.effects)
 
 
-def _harm(bench: Bench, diagnosis: Diagnosis) -> float | None:
-    fitted = _fitted_error(bench, diagnosis)
-    given = _error(bench, bench.simulator.start(), ())
+def _harm(true_model: TrueModel, diagnosis: Diagnosis) -> float | None:
+    fitted = _fitted_error(true_model, diagnosis)
+    given = _error(true_model, true_model.simulator.start(), ())
     return None if fitted is None or not given > 0.0 else fitted / given
 
 
 def _gaps(
-    bench: Bench, diagnosis: Diagnosis, ceiling: Fit
+    true_model: TrueModel, diagnosis: Diagnosis, ceiling: Fit
 ) -> tuple[float | None, float | None, float | None]:
-    fitted = _fitted_error(bench, diagnosis)
+    fitted = _fitted_error(true_model, diagnosis)
     if fitted is None:
         return None, None, None
-    given = _error(bench, bench.simulator.start(), ())
-    best = _error(bench, ceiling.theta, ceiling.effects)
-    refitted = _error(bench, bench.base(bench.on_real).theta, ())
+    given = _error(true_model, true_model.simulator.start(), ())
+    best = _error(true_model, ceiling.theta, ceiling.effects)
+    refitted = _error(true_model, true_model.base(true_model.on_real).theta, ())
     return _closed(given, fitted, best), _closed(refitted, fitted, best), fitted / given
 
 
 def _closed(before: float, after: float, best: float) -> float | None:
     gap = before - best
-    return (before - after) / gap if gap > _LEAST_GAP * before else None
+    return (before - after) / gap if gap > _MIN_GAP * before else None
 
 
-def _opinion_gaps(bench: Bench, opinions: dict[str, Opinion], ceiling: Fit) -> dict[str, float]:
+def _opinion_gaps(true_model: TrueModel, opinions: dict[str, Opinion], ceiling: Fit) -> dict[str, float]:
     """The gap that other methods close, where they have a model to simulate."""
     out: dict[str, float] = {}
-    given = _error(bench, bench.simulator.start(), ())
-    best = _error(bench, ceiling.theta, ceiling.effects)
+    given = _error(true_model, true_model.simulator.start(), ())
+    best = _error(true_model, ceiling.theta, ceiling.effects)
     for name, opinion in opinions.items():
         if not opinion.numbers:
             continue
-        layout = bench.simulator.layout
-        theta = bench.simulator.start().copy()
+        layout = true_model.simulator.layout
+        theta = true_model.simulator.start().copy()
         effects: set[str] = set()
         for key, value in opinion.numbers.items():
             at = layout.index(key)
             theta[at] = float(np.clip(value / layout.scale[at], layout.lower[at], layout.upper[at]))
             if "." in key:
                 effects.add(key.split(".")[0])
-        closed = _closed(given, _error(bench, theta, tuple(sorted(effects))), best)
+        closed = _closed(given, _error(true_model, theta, tuple(sorted(effects))), best)
         if closed is not None and math.isfinite(closed):
             out[name] = closed
     return out
 
 
-def _places(bench: Bench, diagnosis: Diagnosis) -> tuple[float | None, float | None, float | None]:
+def _places(true_model: TrueModel, diagnosis: Diagnosis) -> tuple[float | None, float | None, float | None]:
     """Share of the effect's energy in the spans, and of the spans that is the effect."""
-    if not bench.names or not diagnosis.mismatch:
-        return (0.0, None, None) if bench.names and diagnosis.verdict == "unexplained" else (None, None, None)
-    if _in_pose(bench):
-        return _pose_places(bench, diagnosis.mismatch)
-    return _speed_places(bench, diagnosis.mismatch)
+    if not true_model.names or not diagnosis.mismatch:
+        missed = bool(true_model.names) and diagnosis.verdict == "unexplained"
+        return (0.0 if missed else None), None, None
+    if _in_pose(true_model):
+        return _pose_places(true_model, diagnosis.mismatch)
+    return _speed_places(true_model, diagnosis.mismatch)
 
 
 def _speed_places(
-    bench: Bench, spans: tuple[MismatchSpan, ...]
+    true_model: TrueModel, spans: tuple[MismatchSpan, ...]
 ) -> tuple[float | None, float | None, float | None]:
-    data, truth = bench.real, bench.truth
-    at = bench.truth_rows(data)
+    data, truth = true_model.real, true_model.truth
+    at = true_model.truth_rows(data)
     effect = (truth.recorded - truth.plain_recorded)[at] ** 2
     effect[~data.judged] = 0.0
-    noise = (data.speed_mps - bench.clean.speed_mps) ** 2
-    return _shares(effect, noise, _cells(bench, spans))
+    noise = (data.speed_mps - true_model.clean.speed_mps) ** 2
+    return _shares(effect, noise, _cells(true_model, spans))
 
 
-def _left_places(bench: Bench, diagnosis: Diagnosis) -> tuple[float | None, float | None, float | None]:
+def _left_places(
+    true_model: TrueModel, diagnosis: Diagnosis
+) -> tuple[float | None, float | None, float | None]:
     """The places beside what the refitted baseline leaves of noise-free output."""
-    if not bench.names or not diagnosis.mismatch:
+    if not true_model.names or not diagnosis.mismatch:
         return None, None, None
-    left = (bench.clean.speed_mps - bench.base(bench.on_clean).residual.speeds) ** 2
-    left[~bench.clean.judged] = 0.0
-    noise = (bench.real.speed_mps - bench.clean.speed_mps) ** 2
-    return _shares(left, noise, _cells(bench, diagnosis.mismatch))
+    left = (true_model.clean.speed_mps - true_model.base(true_model.on_clean).residual.speeds) ** 2
+    left[~true_model.clean.judged] = 0.0
+    noise = (true_model.real.speed_mps - true_model.clean.speed_mps) ** 2
+    return _shares(left, noise, _cells(true_model, diagnosis.mismatch))
 
 
-def _cells(bench: Bench, spans: tuple[MismatchSpan, ...]) -> BoolArray:
+def _cells(true_model: TrueModel, spans: tuple[MismatchSpan, ...]) -> BoolArray:
     """Rows by wheel that lie in spans, shape (n, 2)."""
-    data = bench.real
+    data = true_model.real
     inside = np.zeros(data.speed_mps.shape, dtype=bool)
     for span in spans:
         if span.signal in SPEED_SIGNALS and span.run in data.names:
@@ -292,17 +295,17 @@ def _cells(bench: Bench, spans: tuple[MismatchSpan, ...]) -> BoolArray:
 
 
 def _pose_places(
-    bench: Bench, spans: tuple[MismatchSpan, ...]
+    true_model: TrueModel, spans: tuple[MismatchSpan, ...]
 ) -> tuple[float | None, float | None, float | None]:
-    """The same for windows of the pose, each component in standard deviations of a look."""
-    windows = bench.simulator.windows(bench.horizon_s)
+    """The same for windows of the pose, each component in standard deviations of its measurement."""
+    windows = true_model.simulator.windows(true_model.horizon_s)
     if not len(windows):
         return None, None, None
-    data, truth = bench.real, bench.truth
-    at = bench.truth_rows(data)
-    sigma = bench.pose_sigma()
+    data, truth = true_model.real, true_model.truth
+    at = true_model.truth_rows(data)
+    sigma = true_model.pose_sigma()
     effect = ((_moves(truth.pose, at, windows) - _moves(truth.plain_pose, at, windows)) / sigma) ** 2
-    # A measuring error moves no robot: what differs is what the wheels' travel foretells.
+    # A measuring error moves no robot: what differs is the pose predicted from the wheels' travel.
     wheels = (truth.recorded - truth.plain_recorded)[at] * data.dt_s[:, None]
     wheels[~data.judged] = 0.0
     summed = np.vstack([np.zeros((1, 2)), np.cumsum(wheels, axis=0)])
@@ -339,6 +342,6 @@ def _shares(
         return (0.0 if total > 0.0 else None), None, None
     in_spans = float(effect[inside].sum())
     ordered = np.sort(effect, axis=None)[::-1]
-    least = ordered[int(np.searchsorted(np.cumsum(ordered), WHERE_IT_IS * total))]
-    there = float(np.mean(effect[inside] >= least))
+    threshold = ordered[int(np.searchsorted(np.cumsum(ordered), WHERE_IT_IS * total))]
+    there = float(np.mean(effect[inside] >= threshold))
     return in_spans / total, there, in_spans / (in_spans + float(noise[inside].sum()))

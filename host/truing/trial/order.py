@@ -54,7 +54,7 @@ def tasks(trials: int, seed: int, block: Block = "main") -> list[Task]:
 
     Parameters
     ----------
-    block : `last` has seeds that no other campaign has, for one look after all tuning.
+    block : `last` has seeds that no other campaign has, for one evaluation, after all tuning.
     """
     first = seed * _PER_CAMPAIGN + (_LAST if block == "last" else 0)
     rng = np.random.default_rng([first, 0x6F72646572])

@@ -56,8 +56,8 @@ _COLUMNS = (
 
 
 # Simulations that the search for a strength may take, and how near S must come, in its logarithm.
-_MOST_STEPS, _SECANT_STEPS = 9, 3
-_LEAST_RAW = 1e-4
+_MAX_STEPS, _SECANT_STEPS = 9, 3
+_MIN_RAW = 1e-4
 _NEAR = 0.2
 # Time for what is driven after the plans: runs that a diagnosis asks for, and runs that judge.
 _MORE_S = 140.0
@@ -110,7 +110,7 @@ def prepare_trial(trial: Trial) -> PreparedTrial:
     )
 
 
-class Making:
+class RecordingBuilder:
     """A prepared trial on its robot: its plans are driven, and whatever is asked for later.
 
     Parameters
@@ -218,7 +218,7 @@ def _find_strength(trial: Trial, k: int, measure: Callable[[float], float]) -> t
     wanted = min(max(trial.effects[k].strength, floor * 1.06), ceiling / 1.06)
     tried: list[tuple[float, float]] = []
     value, slope = effect.start, 1.0
-    for step in range(_MOST_STEPS):
+    for step in range(_MAX_STEPS):
         reached = max(measure(value), 1e-6)
         tried.append((value, reached))
         if abs(np.log(reached / wanted)) < _NEAR and floor <= reached < ceiling:
@@ -226,9 +226,9 @@ def _find_strength(trial: Trial, k: int, measure: Callable[[float], float]) -> t
         if step and tried[-1][0] != tried[-2][0]:
             rise = np.log(tried[-1][1] / tried[-2][1]) / np.log(tried[-1][0] / tried[-2][0])
             slope = float(np.clip(rise, 0.4, 6.0))
-        value = float(np.clip(value * (wanted / reached) ** (1.0 / slope), _LEAST_RAW, effect.most))
-        low = max((v for v, s in tried if s < wanted), default=_LEAST_RAW)
-        high = min((v for v, s in tried if s >= wanted), default=effect.most)
+        value = float(np.clip(value * (wanted / reached) ** (1.0 / slope), _MIN_RAW, effect.max_strength))
+        low = max((v for v, s in tried if s < wanted), default=_MIN_RAW)
+        high = min((v for v, s in tried if s >= wanted), default=effect.max_strength)
         if step >= _SECANT_STEPS or not low <= value <= high:
             # Grip and limits set in at once: halving finds what a secant passes by.
             value = float(np.sqrt(low * high)) if low < high else value
@@ -246,7 +246,7 @@ def _find_strength(trial: Trial, k: int, measure: Callable[[float], float]) -> t
 def with_sensors(
     run: DrivenRun, motion: RowMotion, rows: BoolArray, prepared: PreparedTrial, number: int
 ) -> Run:
-    """The run as its recorder has it: the log's columns, a filtered speed, who looks from outside, a gyro."""
+    """The run as its recorder has it: the log's columns, a filtered speed, an external pose, a gyro."""
     sensors = prepared.trial.sensors
     rng = np.random.default_rng([prepared.trial.seed, 0x73656E73, number])
     columns = {name: run.run.columns[name] for name in _COLUMNS if name in run.run.columns}
@@ -292,7 +292,7 @@ def baseline_text(trial: Trial) -> str:
 
 
 def answer_of(made: PreparedTrial) -> dict[str, Any]:
-    """What the seal hides."""
+    """What is sealed."""
     trial = made.trial
     return {
         "schema": 1,
@@ -313,6 +313,6 @@ def answer_of(made: PreparedTrial) -> dict[str, Any]:
         "robot": dataclasses.asdict(trial.robot),
         "driving": trial.driving,
         "sensors": dataclasses.asdict(trial.sensors),
-        "shaking": dataclasses.asdict(trial.shaking),
+        "disturbance": dataclasses.asdict(trial.disturbance),
         "noise_mps": made.noise_mps,
     }

@@ -1,4 +1,4 @@
-"""A campaign as a page and as JSON: figures beside their bars, other methods, what was said of what."""
+"""A campaign as a page and as JSON: figures beside their bars, other methods, verdicts by effect."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ def to_markdown(scores: Sequence[Score], *, trials: int, seed: int, block: Block
         "## Beside other methods",
         "",
         "The same recordings. `right`: the effect alone for one (ours also in a set of at most three, first",
-        "line), both with at most one extra for two, no accusation where nothing is hidden, `unexplained`",
+        "line), both with at most one extra for two, none named where nothing is concealed, `unexplained`",
         "outside the catalogue, which the others cannot say. The picker has the diagnosis' own fits and",
-        "takes the one with the least training error.",
+        "takes the one with the smallest training error.",
         "",
         *_method_table(scores),
         "",
@@ -58,15 +58,15 @@ def to_markdown(scores: Sequence[Score], *, trials: int, seed: int, block: Block
         "| --- | --- | --- | --- | --- | --- |",
         *_strength_rows(scores),
         "",
-        "## What was said of what",
+        "## Verdicts by concealed effect",
         "",
-        "| hidden | trials | right | said (number of trials) |",
+        "| concealed | trials | right | verdicts (number of trials) |",
         "| --- | --- | --- | --- |",
         *_confusion_rows(scores),
         "",
         "## Every trial",
         "",
-        "| E | S | strength | driving | board | hidden (S) | verdict |",
+        "| E | S | strength | driving | board | concealed (S) | verdict |",
         "| --- | --- | --- | --- | --- | --- | --- |",
         *(_trial_row(each) for each in scores),
         "",
@@ -95,7 +95,7 @@ def _bar(figure: Figure) -> str:
         return ""
     if figure.upper_bar is not None:
         return f"{_number(figure, figure.bar)} to {_number(figure, figure.upper_bar)}"
-    return f"{'at most' if figure.most else 'at least'} {_number(figure, figure.bar)}"
+    return f"{'at most' if figure.is_max else 'at least'} {_number(figure, figure.bar)}"
 
 
 def _method_table(scores: Sequence[Score]) -> list[str]:

@@ -74,8 +74,8 @@ class Robot:
     @property
     def body_kg(self) -> float:
         """The robot's mass without wheels and rotors."""
-        least = min(self._rim_kg(i) for i in (0, 1))
-        return 2.0 * least * (1.0 - self.rotor_share - _WHEEL_SHARE)
+        lighter_kg = min(self._rim_kg(i) for i in (0, 1))
+        return 2.0 * lighter_kg * (1.0 - self.rotor_share - _WHEEL_SHARE)
 
     @property
     def counts_share(self) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Scores one trial: what the diagnosis and other methods said, against what was hidden."""
+"""Scores one trial: what the diagnosis and other methods said, against what was concealed."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 NAMED = ("missing_physics", "partly_explained", "ambiguous")
-NOT_ACCUSED = ("consistent", "parameters_only")
-MOST_AMBIGUOUS = 3
+NO_EFFECT_NAMED = ("consistent", "parameters_only")
+MAX_AMBIGUOUS = 3
 IN_CATALOGUE = ("one", "two")
 # A place is right when the spans hold this much of the effect's energy, and are this much of it.
 PLACE_RIGHT = 0.5
@@ -24,13 +24,13 @@ class Score:
     Attributes
     ----------
     effect, seed, weak, on_board : what was asked for.
-    named : the hidden effect is named, alone or in a set of at most three; of a pair both, one extra at most.
-    named_alone : `missing_physics` with exactly what was hidden.
+    named : the concealed effect is named, alone or among three at most; of a pair both, one extra at most.
+    named_alone : `missing_physics` with exactly what was concealed.
     confidently_wrong : `missing_physics` with an effect that is not there.
     right : what the family of the trial asks for.
     place_right : of the outside: the spans are where the effect is.
     later : verdicts after each proposed run that was driven.
-    resolved : whether a doubt that held the truth ended with it, after at most two proposed runs.
+    resolved : whether an ambiguity that held the truth ended with it, after at most two proposed runs.
     measured : figures beside the truth (`measure.Measured`).
     methods : for each other method, whether it is right, and whether it names what is not there.
     """
@@ -54,7 +54,7 @@ class Score:
     resolved: bool | None
     seconds: float
     cpu_s: float
-    making_cpu_s: float
+    building_cpu_s: float
     scoring_cpu_s: float
     sha256: str
     measured: dict[str, Any] = field(default_factory=dict)
@@ -62,7 +62,7 @@ class Score:
 
     @property
     def strength(self) -> float:
-        """S of the weakest hidden effect."""
+        """S of the weakest concealed effect."""
         return min(self.strengths, default=math.nan)
 
     def to_json(self) -> dict[str, Any]:
@@ -82,7 +82,7 @@ class Score:
 
 @dataclass(frozen=True)
 class Judgement:
-    """A verdict held against what was hidden."""
+    """A verdict compared with what was concealed."""
 
     named: bool
     named_alone: bool
@@ -91,31 +91,31 @@ class Judgement:
 
 
 def judge(kind: str, said: tuple[str, ...], family: str, hidden: tuple[str, ...]) -> Judgement:
-    """Return what a verdict and its names are worth."""
+    """Compare a verdict and its names with what was concealed."""
     there = set(hidden) if family in IN_CATALOGUE else set()
     every = bool(there) and there <= set(said) and kind in NAMED
     extras = len(set(said) - there)
-    named = every and (len(set(said)) <= MOST_AMBIGUOUS if family == "one" else extras <= 1)
+    named = every and (len(set(said)) <= MAX_AMBIGUOUS if family == "one" else extras <= 1)
     if family == "null":
-        right = kind in NOT_ACCUSED
+        right = kind in NO_EFFECT_NAMED
     elif family == "outside":
         right = kind in ("unexplained", "partly_explained")
     else:
         right = named
-    accused = kind in ("missing_physics", "partly_explained")
+    certain = kind in ("missing_physics", "partly_explained")
     return Judgement(
         named=named,
-        named_alone=accused and bool(there) and set(said) == there,
-        confidently_wrong=accused and not set(said) <= there,
+        named_alone=certain and bool(there) and set(said) == there,
+        confidently_wrong=certain and not set(said) <= there,
         right=right,
     )
 
 
 def judge_method(names: list[str], family: str, hidden: tuple[str, ...]) -> tuple[bool, bool]:
-    """Whether a method without doubt is right, and whether it names what is not there."""
+    """Whether a method that knows no ambiguity is right, and whether it names what is not there."""
     kind = "missing_physics" if names else "parameters_only"
     worth = judge(kind, tuple(names), family, hidden)
-    # For a single effect a method must name it alone: it has no way to say that it is in doubt.
+    # For a single effect a method must name it alone: it has no way to say that several explain as much.
     right = worth.named_alone if family == "one" else worth.right
     return right, worth.confidently_wrong
 
@@ -128,6 +128,6 @@ def place_right(measured: dict[str, Any]) -> bool:
 
 
 def resolved(kinds: Sequence[tuple[str, tuple[str, ...]]], hidden: tuple[str, ...]) -> bool:
-    """Whether the last of these verdicts is the truth and no doubt is left."""
+    """Whether the last of these verdicts is the truth, without ambiguity."""
     kind, said = kinds[-1]
     return kind == "missing_physics" and set(said) == set(hidden)

@@ -19,11 +19,11 @@ import numpy as np
 
 from truing.errors import BoardFault, Refused, TruingError, WeakEffectError
 from truing.plan import Plan, load_plan, parse_plan
-from truing.trial.recording_builder import Making, PreparedTrial, answer_of, prepare_trial
+from truing.trial.recording_builder import PreparedTrial, RecordingBuilder, answer_of, prepare_trial
 from truing.trial.seal import seal
 from truing.trial.spec import Family, draw_trial, judging_plans
 
-_MOST_SEEDS = 20
+_MAX_SEEDS = 20
 
 
 def _say(**values: Any) -> None:
@@ -59,7 +59,7 @@ def _prepared(
     try:
         return prepare_trial(draw_trial(seed_of(seed, attempt), family, names, weak=weak, plans=plans))
     except (WeakEffectError, BoardFault, Refused):
-        if attempt == _MOST_SEEDS - 1:
+        if attempt == _MAX_SEEDS - 1:
             raise
         return None
 
@@ -72,58 +72,58 @@ def make(
     plans: tuple[Plan, ...] | None = None,
     weak: bool | None = None,
     on_board: bool = True,
-) -> tuple[Making, str]:
+) -> tuple[RecordingBuilder, str]:
     """Show a seal, drive a trial and write its recordings; return it and the sealed text.
 
     A robot whose board stops of itself is no trial: its seal is void, and another is drawn.
     """
-    for attempt in range(_MOST_SEEDS):
+    for attempt in range(_MAX_SEEDS):
         prepared = _prepared(effect, seed, attempt, plans, weak)
         if prepared is None:
             continue
         shown, text = seal(answer_of(prepared))
         _say(sha256=shown)
-        making = Making(prepared, folder, on_board=on_board)
+        builder = RecordingBuilder(prepared, folder, on_board=on_board)
         try:
-            making.drive(prepared.trial.plans, progress=lambda share: _say(driven=share))
+            builder.drive(prepared.trial.plans, progress=lambda share: _say(driven=share))
         except (BoardFault, Refused) as fault:
-            making.close()
+            builder.close()
             _say(void=shown, why=fault.message)
             continue
-        making.write()
-        return making, text
-    raise TruingError(f"{effect}: the board stopped on {_MOST_SEEDS} robots", "take another seed")
+        builder.write()
+        return builder, text
+    raise TruingError(f"{effect}: the board stopped on {_MAX_SEEDS} robots", "take another seed")
 
 
-def obey(making: Making, text: str) -> None:
+def obey(builder: RecordingBuilder, text: str) -> None:
     """Take orders until the seal is opened."""
     for line in sys.stdin:
         order = json.loads(line)
         if "drive" in order:
             try:
-                making.drive([parse_plan(order["drive"], order["name"], "proposed run")])
+                builder.drive([parse_plan(order["drive"], order["name"], "proposed run")])
             except (BoardFault, Refused) as fault:
                 _say(stopped=fault.message)
                 continue
-            making.write()
+            builder.write()
             _say(added=order["name"])
         if "open" in order:
             if order["open"]:
-                _judge(making, Path(order["open"]))
+                _judge(builder, Path(order["open"]))
             _say(sealed=text)
             return
 
 
-def _judge(making: Making, folder: Path) -> None:
+def _judge(builder: RecordingBuilder, folder: Path) -> None:
     """Drive those judging runs that the board lets end, and write the truth about all runs."""
-    trial = making.prepared.trial
+    trial = builder.prepared.trial
     for plan in judging_plans(trial.seed, trial.robot):
         try:
-            making.drive([plan])
+            builder.drive([plan])
         except (BoardFault, Refused):
             continue
-    making.write(folder)
-    making.write_truth(folder)
+    builder.write(folder)
+    builder.write_truth(folder)
 
 
 def main() -> int:
@@ -139,14 +139,14 @@ def main() -> int:
     weak = None if given.strength is None else given.strength == "weak"
     try:
         plans = tuple(load_plan(name) for name in given.plan) or None
-        making, text = make(
+        builder, text = make(
             given.effect, given.seed, given.folder, plans=plans, weak=weak, on_board=not given.core
         )
         try:
             _say(written=str(given.folder))
-            obey(making, text)
+            obey(builder, text)
         finally:
-            making.close()
+            builder.close()
     except TruingError as error:
         _say(error=error.message, next=error.next_step)
         return 1

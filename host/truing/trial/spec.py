@@ -43,7 +43,7 @@ _LOOSE_RESTING_MPS = 0.03
 
 @dataclass(frozen=True)
 class Concealed:
-    """One hidden effect: its name, the strength S aimed at, and what its own draws start from."""
+    """One concealed effect: its name, the strength S aimed at, and what its own draws start from."""
 
     name: str
     strength: float
@@ -52,11 +52,11 @@ class Concealed:
 
 @dataclass(frozen=True)
 class Sensors:
-    """What looks on beside the encoders.
+    """Sensors beside the encoders.
 
     Attributes
     ----------
-    truth_mm, truth_mrad : standard deviation of a pose seen from outside; 0: nobody looks.
+    truth_mm, truth_mrad : standard deviation of an external pose measurement; 0: there is none.
     gyro_radps : standard deviation of a gyro; 0: none.
     """
 
@@ -66,7 +66,7 @@ class Sensors:
 
 
 @dataclass(frozen=True)
-class Shaking:
+class TorqueDisturbance:
     """The torque disturbance: effort that it balances (RMS), its memory, the speed below which it fades."""
 
     effort: float
@@ -87,12 +87,12 @@ class Trial:
     driving: Driving
     plans: tuple[Plan, ...]
     sensors: Sensors
-    shaking: Shaking
+    disturbance: TorqueDisturbance
     weak: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The hidden effects' names."""
+        """The concealed effects' names."""
         return tuple(effect.name for effect in self.effects)
 
 
@@ -109,7 +109,7 @@ def draw_trial(
 
     Parameters
     ----------
-    names : the effects to hide; drawn evenly from those of the family when left out.
+    names : the effects to conceal; drawn evenly from those of the family when left out.
     weak : strength below 1; drawn when left out.
     driving : which runs there are; drawn when left out.
     plans : drive these instead.
@@ -138,13 +138,13 @@ def draw_trial(
     chosen = str(rng.choice(["whole", "partial", "ordinary"], p=[0.65, 0.2, 0.15]))
     driving = driving or _DRIVING[chosen]
     needs_truth = any("truth" in ALL[name].needs for name in names)
-    looks = needs_truth or rng.random() < 0.4
+    has_pose = needs_truth or rng.random() < 0.4
     sensors = Sensors(
-        truth_mm=float(rng.uniform(0.5, 3.0)) if looks else 0.0,
-        truth_mrad=float(rng.uniform(1.0, 4.0)) if looks else 0.0,
+        truth_mm=float(rng.uniform(0.5, 3.0)) if has_pose else 0.0,
+        truth_mrad=float(rng.uniform(1.0, 4.0)) if has_pose else 0.0,
         gyro_radps=float(rng.uniform(0.005, 0.02)) if rng.random() < 0.3 else 0.0,
     )
-    shaking = Shaking(
+    disturbance = TorqueDisturbance(
         effort=float(np.exp(rng.uniform(np.log(0.002), np.log(0.015)))),
         correlation_s=float(np.exp(rng.uniform(np.log(0.05), np.log(0.5)))),
         resting_mps=float(rng.choice([0.0, 0.03])),
@@ -159,7 +159,7 @@ def draw_trial(
         driving=driving,
         plans=plans or _plans(rng, driving, robot),
         sensors=sensors,
-        shaking=shaking,
+        disturbance=disturbance,
         weak=weak,
     )
 
@@ -224,21 +224,21 @@ def judging_plans(seed: int, robot: Robot) -> tuple[Plan, ...]:
 
 
 def with_strengths(trial: Trial, values: tuple[float, ...]) -> Robot:
-    """Return the trial's robot with its effects at these raw strengths (1: the most of its kind)."""
+    """Return the trial's robot with its effects at these raw strengths (1: the largest of its kind)."""
     robot = dataclasses.replace(
         trial.robot, changes=dict(trial.robot.changes), hidden=dict(trial.robot.hidden)
     )
     for concealed, value in zip(trial.effects, values, strict=True):
         ALL[concealed.name].apply(robot, value, np.random.default_rng(concealed.seed))
-    shaking = trial.shaking
-    if shaking.effort > 0.0:
-        torque = robot.effort_nm(shaking.effort)
+    disturbance = trial.disturbance
+    if disturbance.effort > 0.0:
+        torque = robot.effort_nm(disturbance.effort)
         # A motor that is loose from its held wheel would never stand still, and its board never start.
         loose = "gear__stiffness_nm_per_rad" in robot.hidden
-        resting_mps = max(shaking.resting_mps, _LOOSE_RESTING_MPS if loose else 0.0)
+        resting_mps = max(disturbance.resting_mps, _LOOSE_RESTING_MPS if loose else 0.0)
         robot.add_hidden(
             disturbance__torque_nm=(torque, torque),
-            disturbance__correlation_s=shaking.correlation_s,
+            disturbance__correlation_s=disturbance.correlation_s,
             disturbance__resting_mps=resting_mps,
         )
     return robot

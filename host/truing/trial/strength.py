@@ -201,7 +201,7 @@ def odometry(motion: RowMotion, driven: DrivenSet, robot: Robot) -> FloatArray:
 def pose_strength(
     motion: RowMotion, driven: DrivenSet, robot: Robot, truth_mm: float, truth_mrad: float
 ) -> float:
-    """S in the pose: what odometry misses in windows of a second, over the noise of a look from outside."""
+    """S in the pose: what odometry misses in windows of a second, over the noise of the external pose."""
     seen = window_moves(motion.pose, motion.run)
     believed = window_moves(odometry(motion, driven, robot), motion.run)
     missed = np.sqrt(np.mean((seen - believed) ** 2, axis=0))

@@ -44,7 +44,7 @@ class Truth:
     run: IntArray
 
 
-class Bench:
+class TrueModel:
     """A trial's recordings, its judging runs and the truth about both.
 
     Parameters
@@ -80,7 +80,7 @@ class Bench:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What is hidden."""
+        """What is concealed."""
         return tuple(str(each["name"]) for each in self.answer["effects"])
 
     @property
@@ -113,11 +113,11 @@ class Bench:
         return float(np.sqrt(np.mean((self.real.speed_mps - self.clean.speed_mps)[rows] ** 2)))
 
     def pose_sigma(self) -> FloatArray:
-        """Standard deviation of a window's displacement as it was looked at, shape (3,), m, m, rad."""
+        """Standard deviation of a window's displacement as measured, shape (3,), m, m, rad."""
         sensors = self.answer["sensors"]
         if sensors["truth_mm"] > 0.0:
-            looks = np.array([sensors["truth_mm"], sensors["truth_mm"], sensors["truth_mrad"]])
-            return np.asarray(np.sqrt(2.0) * 1e-3 * looks)
+            sigma = np.array([sensors["truth_mm"], sensors["truth_mm"], sensors["truth_mrad"]])
+            return np.asarray(np.sqrt(2.0) * 1e-3 * sigma)
         # A gyro's noise is summed up over the rows of a window.
         interval_s = float(np.median(self.real.interval_s))
         turn = max(float(sensors["gyro_radps"]) * np.sqrt(interval_s * self.horizon_s), 1e-4)
@@ -165,7 +165,7 @@ class Bench:
         return float(np.sqrt(np.mean(error**2)))
 
     def pose_error(self, theta: FloatArray, effects: tuple[str, ...]) -> float:
-        """RMS error of the pose's windows on the judging runs, in standard deviations of a look."""
+        """RMS error of the pose's windows on the judging runs, in standard deviations of its measurement."""
         windows = self.all.windows(self.horizon_s)
         if not len(windows):
             return float("nan")
@@ -205,7 +205,7 @@ class Bench:
 
 
 def _clean(recordings: RecordingSet, truth: Truth) -> RecordingSet:
-    """The same runs without noise: counts need not be whole, looks from outside are exact."""
+    """The same runs without noise: counts need not be whole, external poses are exact."""
     baseline = recordings.baseline
     assert baseline is not None
     scale = baseline.metres_per_count

@@ -1,1 +1,1 @@
-"""Other methods on the same trials: what a team would do first, and what nobody could do better."""
+"""Other methods on the same trials: regression, sparse regression, and selection by training error."""

@@ -1,4 +1,4 @@
-"""What any method says about a recording set, in the words that a diagnosis uses."""
+"""What any method says about a recording set, with the names that a diagnosis uses."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""A picker by training error alone: of all single effects that were fitted, the one that leaves least.
+"""A picker by training error alone: of all single effects that were fitted, the one with the smallest.
 
-It uses the very fits of the diagnosis and nothing else of it: no price for numbers, no doubt, no way to
-say that nothing is missing.
+It uses the very fits of the diagnosis and nothing else of it: no penalty per parameter, no ambiguity, no
+way to say that nothing is missing.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from truing.trial.comparators.opinion import Opinion
 
 
 def picker(diagnosis: Diagnosis, rows: int) -> Opinion:
-    """Return the effect with the least training error.
+    """Return the effect with the smallest training error.
 
     Parameters
     ----------
-    rows : samples that the fits saw, whose logarithm the diagnosis charges for each number.
+    rows : samples that the fits saw, whose logarithm is the diagnosis' penalty for each parameter.
     """
-    price = 0.5 * math.log(max(rows, 2))
+    penalty = 0.5 * math.log(max(rows, 2))
     best, name = -math.inf, ""
     for entry in diagnosis.ranking:
         if len(entry.names) != 1 or not entry.fitted:
             continue
-        gain = entry.improvement + price * entry.parameters
+        gain = entry.improvement + penalty * entry.parameters
         if np.isfinite(gain) and gain > best:
             best, name = gain, entry.names[0]
     return Opinion((name,) if name else (), {})

@@ -1,7 +1,7 @@
 """Sparse regression of acceleration over named terms: sequential thresholded least squares (SINDy's way).
 
 Every term stands for one effect of the catalogue, as far as an effect is a term at all. The threshold is
-the one with the least Bayesian information among a few (Brunton, Proctor & Kutz 2016).
+the one with the smallest Bayesian information criterion among a few (Brunton, Proctor & Kutz 2016).
 """
 
 from __future__ import annotations

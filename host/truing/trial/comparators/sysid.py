@@ -1,8 +1,7 @@
 """Regression of acceleration on speed, effort and the sign of speed, as robot teams do (WPILib's SysId).
 
 The model is a = (gain (u - s sign v) - v) / tau, linear in what multiplies u, v and sign v; samples near
-standstill are left out. Friction is named where its interval leaves nothing out and it is more than a
-trace.
+standstill are left out. Friction is named where it is significantly above zero and more than a trace.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ SIDES = ("left", "right")
 # Below this share of full speed a sample is thrown away.
 _STANDING = 0.02
 # Standard errors, and effort, beyond which friction is believed.
-_SURE, _LEAST = 3.0, 0.01
+_SURE, _MIN_EFFORT = 3.0, 0.01
 
 
 def sysid(data: SetData) -> Opinion:
@@ -40,5 +39,5 @@ def sysid(data: SetData) -> Opinion:
         numbers[f"gain_{side}"], numbers[f"tau_{side}"] = -drive / back, -1.0 / back
         numbers[f"coulomb_friction.{side}"] = max(friction, 0.0)
         sure = -dry > _SURE * float(np.sqrt(spread[2, 2]))
-        named = named or (sure and friction > _LEAST)
+        named = named or (sure and friction > _MIN_EFFORT)
     return Opinion(("coulomb_friction",) if named else (), numbers)
