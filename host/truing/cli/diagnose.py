@@ -27,7 +27,7 @@ LINE_WIDTH = 100
     "--model",
     metavar="BASELINE.TOML",
     type=click.Path(path_type=Path),
-    help="What the simulation knows.  [default: the baseline.toml beside the runs]",
+    help="What the simulation models and its parameters.  [default: the baseline.toml beside the runs]",
 )
 @click.option(
     "--sim-runs",
@@ -37,7 +37,7 @@ LINE_WIDTH = 100
 )
 @click.option(
     "--json", "json_path", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
-    help="Write the verdict with everything behind it.",
+    help="Write the verdict with all figures (docs/DATA_FORMAT.md).",
 )  # fmt: skip
 @click.option(
     "--report", "report_path", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
@@ -53,7 +53,7 @@ LINE_WIDTH = 100
 )
 @click.option(
     "--next-run", "next_run", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
-    help="Write the run that would settle an undecided verdict, for `truing run`.",
+    help="Write the run that would resolve an ambiguous verdict, for `truing run`.",
 )  # fmt: skip
 @click.option(
     "--floor", "floor_m", metavar="METRES", type=click.FloatRange(min=0.1),
@@ -65,7 +65,7 @@ LINE_WIDTH = 100
     help="Judge the pose (truth, else odometry) against what the efforts command, and no wheel.",
 )
 @click.option("--wheel", type=click.Choice(["left", "right"]), help="Judge this wheel alone.")
-@click.option("--wheels-only", is_flag=True, help="Leave the outside pose aside.")
+@click.option("--wheels-only", is_flag=True, help="Ignore the external pose (truth_*).")
 @click.option("--jobs", type=click.IntRange(min=1), help="Threads.  [default: one for each core]")
 @pass_app
 def command(
@@ -83,8 +83,8 @@ def command(
     wheels_only: bool,
     jobs: int | None,
 ) -> None:
-    """Say where the simulation of BASELINE.TOML differs from RUNS, which physics it leaves out, and how sure
-    that is; or that its numbers are off; or that nothing in the catalogue explains what is there.
+    """Say where the simulation of BASELINE.TOML differs from RUNS, which physics it leaves out, and with what
+    confidence; or that its parameters are wrong; or that no effect of the catalogue explains the mismatch.
 
     RUNS is a recording set, a folder of CSV files, one CSV file, or a file of another program
     (`truing import --help` lists them). The exit status is 0 whatever the verdict, 2 for bad input.
@@ -150,7 +150,7 @@ def _one_line_errors() -> Iterator[None]:
 
 
 def say_sections(app: App, sections: Iterable[Section]) -> None:
-    """Print what is to say of a diagnosis, in lines of one width."""
+    """Print a diagnosis, wrapped at one width."""
     for section in sections:
         app.say(section.title)
         for line in section.lines:

@@ -58,11 +58,11 @@ def command(
     robot: Path | None,
     image: Path | None,
 ) -> None:
-    """See the robot, drive it, draw its path, and watch simulation and reality side by side, in the browser.
+    """See the robot, drive it, draw its path, and compare simulation and reality, in the browser.
 
-    Without a board's port it starts a virtual board of its own, in real time. Losing the page stops the
-    robot; the space bar always does. Nothing is fetched from the internet. Ctrl-C stops the wheels and ends
-    the view.
+    Without a board's port it starts a virtual board of its own, in real time. The robot stops when the page
+    is lost; the space bar always stops it. Nothing is fetched from the internet. Ctrl-C stops the wheels and
+    ends the view.
 
     \b
     Examples:

@@ -322,7 +322,7 @@ class Repeat:
     pivots: bool
     rows: tuple[int, ...]
     best: float
-    least_error: float
+    min_error: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -352,7 +352,7 @@ class GainStudy:
 
     @property
     def drop_beyond_friction(self) -> float:
-        """The supply drop that the ladder asks for, over the most that friction's own current could cause.
+        """The supply drop that the ladder asks for, over the largest that friction's own current could cause.
 
         A battery that a stalled motor pulls to zero falls by the share F when the current is the share F
         of the stall current; no battery falls by more.

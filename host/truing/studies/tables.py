@@ -64,13 +64,12 @@ def gain_sentences(study: GainStudy) -> list[str]:
         f"(linear {100 * first.left_out_mean:.1f} %). Before and after on the fitted gains: "
         f"{100 * first.mean:.1f} % → {100 * best.mean:.1f} % on average, "
         f"{100 * first.worst:.1f} % → {100 * best.worst:.1f} % at worst.",
-        "Left out, the worst is always test I: it is the only pivot at 15 %, and nothing else tells the "
+        "Left out, the worst is always test I: it is the only pivot at 15 %, and nothing else determines "
         "scrub there."
         if all(table.tests[fit.left_out_row] == "I" for fit in (*study.ladder, *study.alternatives))
         else "Left out, the worst test differs from model to model.",
-        "Rungs with falling friction fit best and predict worst: only the readings at 15 % tell them "
-        "anything.",
-        f"The supply drop that is fitted is {study.drop_beyond_friction:.1f} times the most that "
+        "Rungs with falling friction fit best and predict worst: only the readings at 15 % determine them.",
+        f"The supply drop that is fitted is {study.drop_beyond_friction:.1f} times the largest that "
         "friction's own "
         "current could cause in any battery: read it as 'something that grows with effort', not as the "
         "battery.",
@@ -88,11 +87,11 @@ def gain_sentences(study: GainStudy) -> list[str]:
         for row in study.unexplained(best)
     ]
     for repeat in study.repeats:
-        if repeat.least_error >= 0.01:
+        if repeat.min_error >= 0.01:
             readings = ", ".join(f"{table.gain[row]:.3f} ({table.label(row)})" for row in repeat.rows)
             lines.append(
                 f"  No model without memory gives two numbers for one level: {readings}; "
-                f"{100 * repeat.least_error:.1f} % is the least it can miss by."
+                f"{100 * repeat.min_error:.1f} % is its smallest possible error."
             )
     for row, straight in study.backward:
         lines.append(
@@ -253,7 +252,7 @@ def _short(table: GainTable, row: int) -> str:
 
 
 def _floor_place(study: GainStudy) -> str:
-    worst = max(study.repeats, key=lambda repeat: repeat.least_error)
+    worst = max(study.repeats, key=lambda repeat: repeat.min_error)
     return f"{100 * worst.effort:.0f}"
 
 

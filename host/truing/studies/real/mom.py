@@ -140,7 +140,7 @@ def _end(simulator: SetSimulator, drift: float, scale: float) -> tuple[Pose, flo
 
 
 def _baseline() -> Baseline:
-    """A robot that does what it is told, almost at once."""
+    """A robot that follows its command almost at once."""
     wheel = WheelModel(FULL_SPEED_MPS, 0.5 * STEP_S)
     robot = RobotGeometry(NAME, wheelbase_m=WHEELBASE_M)
     return Baseline(Path("baseline.toml"), wheel, wheel, robot, 1.0 / STEP_S)

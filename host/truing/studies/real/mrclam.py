@@ -1,4 +1,4 @@
-"""MRCLAM, data set 6, robot 1: what an iRobot Create was told to do, and what cameras saw it do.
+"""MRCLAM, data set 6, robot 1: commands of an iRobot Create, and its pose by cameras.
 
 The data set (Leung, Halpern, Barfoot and Liu 2011, International Journal of Robotics Research 30, "The
 UTIAS multi-robot cooperative localization and mapping dataset") logs twists that were commanded, called
@@ -35,7 +35,7 @@ LONGEST_BLIND_S = 0.1
 
 
 def read_mrclam(recordings: Path) -> RecordingSet:
-    """The recording in eight runs, with a baseline that does what it is told, at once.
+    """The recording in eight runs, with a baseline that follows its command at once.
 
     Raises
     ------

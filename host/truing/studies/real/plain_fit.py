@@ -121,12 +121,12 @@ class PlainJudge:
             totals += sums[:, chosen].sum(axis=2) / size[chosen].sum(axis=1)
         first, second = np.sqrt(totals / len(runs))
         low, high = np.percentile(second, (2.5, 97.5))
-        least, most = np.percentile(first - second, (2.5, 97.5))
+        drop_low, drop_high = np.percentile(first - second, (2.5, 97.5))
         return Drop(
             self.rms(before.error, columns),
             self.rms(after.error, columns),
             (float(low), float(high)),
-            (float(least), float(most)),
+            (float(drop_low), float(drop_high)),
         )
 
     def _rows(self, run: int, columns: Sequence[int]) -> BoolArray:

@@ -89,7 +89,7 @@ class SetStudy:
     recorder_lag_s: float | None
 
     @property
-    def says(self) -> Diagnosis:
+    def deciding(self) -> Diagnosis:
         """The diagnosis that names effects."""
         return self.diagnosis if self.alone is None else self.alone
 

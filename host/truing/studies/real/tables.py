@@ -73,8 +73,8 @@ def _verdicts(study: RealStudy) -> PlainTable:
                 [
                     one.name,
                     _verdict(one, wheel),
-                    _named(one.says, wheel) if named else NONE,
-                    _rivals(one.says) if named else NONE,
+                    _named(one.deciding, wheel) if named else NONE,
+                    _rivals(one.deciding) if named else NONE,
                     wheel.wheel,
                     f"{scale * wheel.base:.2f}",
                     f"{scale * named.drop.after:.2f}" if named else NONE,
@@ -210,7 +210,7 @@ def _emps(emps: EmpsStudy | None) -> PlainTable:
     table.remarks += [
         f"Verdict on the first file: {_sentence(emps.diagnosis, dead='right')}.",
         "Drop of a step: below the model before it; as diagnosed: below the baseline. "
-        "The bench's protocol for this axis (asymmetric viscous "
+        "The protocol of `./run bench emps` (asymmetric viscous "
         "and Coulomb friction, offset, drift; fitted to positions) reaches 4.61 mm on the second file, a "
         "linear state space 5.53 mm.",
     ]
@@ -241,7 +241,7 @@ def _commanded(study: CommandedStudy | None) -> PlainTable:
         drop = study.turning.drop if what == "yaw scale" else None
         table.rows.append([what, f"{scale[0]:.3f}", _interval(scale[1:], digits=3), *_drop_cells(drop)])
     table.remarks += [
-        f"Verdict: {_sentence(study.diagnosis)}. Scales: what the robot does of what it is told.",
+        f"Verdict: {_sentence(study.diagnosis)}. Scales: executed motion over commanded motion.",
         "Drop of the yaw scale: of a wheelbase of its own beside delay and a scale common to both; where "
         "that is undecided, yaw follows the forward scale.",
     ]
@@ -257,7 +257,7 @@ def _drop_cells(drop: Drop | None) -> tuple[str, str, str]:
 def _drift(study: DriftStudy | None) -> PlainTable:
     table = PlainTable(
         "MOM paper: the commanded line, and how far from the printed real end it ends",
-        ["Model", "Drift, rad/m", "Scale", "End x, m", "y, m", "θ, °", "Off by, m", "°"],
+        ["Model", "Drift, rad/m", "Scale", "End x, m", "y, m", "θ, °", "Error, m", "Error, °"],
         [False, *[True] * 7],
         group=0,
     )
@@ -302,9 +302,9 @@ def undecided(study: RealStudy) -> list[str]:
 
 
 def _undecided_in(one: SetStudy) -> Iterator[str]:
-    says = one.says
-    if says.verdict == "ambiguous":
-        ways = [" with ".join(effect_title(name) for name in names) for names in alternatives(says)]
+    deciding = one.deciding
+    if deciding.verdict == "ambiguous":
+        ways = [" with ".join(effect_title(name) for name in names) for names in alternatives(deciding)]
         yield f"{one.name}: {'; or '.join(ways)}."
     if one.alone is not None:
         check = next(check for check in one.diagnosis.checks if check.topic == "encoder")
@@ -312,7 +312,7 @@ def _undecided_in(one: SetStudy) -> Iterator[str]:
     elif one.diagnosis.verdict == "unexplained":
         places = sorted({f"{span.run} {span.signal}" for span in one.diagnosis.mismatch})
         yield f"{one.name}: nothing in the catalogue explains what remains in {', '.join(places[:4])}."
-    named = {effect.name for effect in says.effects}
+    named = {effect.name for effect in deciding.effects}
     judged = [wheel for wheel in one.wheels if wheel.wheel not in _at_fault(one)]
     for k, (effects, others) in enumerate(zip(STEPS, (DRY, LATE, LATE), strict=False)):
         steps = [(wheel, wheel.steps[k]) for wheel in judged]
@@ -326,7 +326,10 @@ def _undecided_in(one: SetStudy) -> Iterator[str]:
                 yield f"{one.name}: {what} lowers the unseen error ({sides}: {before}) and is not named."
         elif not (effects[-1] != FRICTION and named & LATE):
             some = "of both" if len(judged) > 1 else f"of the {sides}"
-            yield (f"{one.name}: {what} does not lower the unseen error {some} surely ({sides}: {before}).")
+            yield (
+                f"{one.name}: {what} does not lower the unseen error {some} significantly "
+                f"({sides}: {before})."
+            )
 
 
 def _at_fault(one: SetStudy) -> set[str | None]:
