@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -38,6 +38,7 @@ from truing.link.handshake import BoardInfo, shake_hands
 from truing.log.download import DownloadReport, Keeper, LogDownload, MemoryKeeper
 from truing.log.partial_file import LogIdentity, PartialFile
 from truing.plan import Kind, Plan
+from truing.progress import Progress
 from truing.virtual.options import VirtualOptions
 from truing_protocol import (
     PARAMETERS,
@@ -151,7 +152,7 @@ class Device:
         return BoardStatus.from_reply(self.client.request(StatusRequest()))
 
     def clock(
-        self, seconds: float = 10.0, progress: Callable[[float], None] | None = None, seed: int = 1
+        self, seconds: float = 10.0, progress: Progress | None = None, seed: int = 1
     ) -> tuple[ClockRelation, int]:
         """How the board's clock relates to the stream's, measured for so long; and requests that were lost.
 
@@ -179,7 +180,7 @@ class Device:
 
     # ---- parameters
 
-    def parameters(self, progress: Callable[[float], None] | None = None) -> dict[str, Parameter]:
+    def parameters(self, progress: Progress | None = None) -> dict[str, Parameter]:
         """All parameters with their values, by name, in the board's order."""
         found: dict[str, Parameter] = {}
         docs = {info.name: info.doc for info in PARAMETERS}
@@ -249,7 +250,7 @@ class Device:
 
     # ---- sequences
 
-    def upload(self, plan: Plan, progress: Callable[[float], None] | None = None) -> UploadedSequence:
+    def upload(self, plan: Plan, progress: Progress | None = None) -> UploadedSequence:
         """Give the board a plan; it checks every segment and the whole's CRC.
 
         Raises
@@ -371,7 +372,7 @@ class Device:
         log: BoardLog,
         *,
         partial: Path | None = None,
-        progress: Callable[[float], None] | None = None,
+        progress: Progress | None = None,
     ) -> tuple[bytes, DownloadReport]:
         """Bring a log's bytes, checked against the board's digest.
 
@@ -404,7 +405,7 @@ class Device:
         return result
 
     def _download(
-        self, keeper: Keeper, progress: Callable[[float], None] | None
+        self, keeper: Keeper, progress: Progress | None
     ) -> tuple[bytes, DownloadReport]:
         try:
             report = LogDownload(self.client, keeper).run(progress)

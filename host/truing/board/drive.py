@@ -14,6 +14,7 @@ from truing.board.device import Device
 from truing.board.state import BoardStatus
 from truing.errors import BoardFault, BoardRebooted, Interrupted, LinkError, SequenceEndedError, TruingError
 from truing.plan import Plan
+from truing.progress import Progress
 from truing_protocol import SequenceState
 
 _LOG = logging.getLogger("truing.board.drive")
@@ -64,7 +65,7 @@ def drive(
     plan: Plan,
     *,
     interrupts: Interrupts | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
     say: Callable[[str], None] = _LOG.warning,
 ) -> Drive:
     """Run a plan to its end.
@@ -102,7 +103,7 @@ def drive(
             raise
 
 
-def _watch(device: Device, duration_s: float, progress: Callable[[float], None] | None) -> None:
+def _watch(device: Device, duration_s: float, progress: Progress | None) -> None:
     """Follow a running sequence to its end, by the board's own clock: a virtual one may run at any pace."""
     began: float | None = None
     while True:

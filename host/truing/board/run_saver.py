@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import datetime
 import logging
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from truing.log.columns import run_from_records
 from truing.log.decode import DecodedLog, decode_log
 from truing.log.download import DownloadReport
 from truing.plan import Plan
+from truing.progress import Progress
 from truing.recording.run import Run, RunMetadata
 from truing.recording.writer import next_run_path, replace_file, write_run
 from truing.workspace import partial_folder
@@ -37,7 +37,7 @@ class FetchedLog:
 
 
 def fetch_log(
-    device: Device, log_id: int | None = None, progress: Callable[[float], None] | None = None
+    device: Device, log_id: int | None = None, progress: Progress | None = None
 ) -> FetchedLog:
     """Download and decode a log (the newest by default); a download cut short is resumed.
 

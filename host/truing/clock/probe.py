@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
 
 from truing.clock.relation import RoundTrip
 from truing.link.client import Client
+from truing.progress import Progress
 from truing_protocol import REFUSAL_ID, REPLY_BIT, TimeReply, TimeRequest
 
 # Requests go out at random moments, 10 ms apart in the mean: whatever has a rhythm of its own (the board's
@@ -34,7 +34,7 @@ class ClockProbe:
         self._last_ms: int | None = None
         self._total_ms = 0
 
-    def run(self, seconds: float, progress: Callable[[float], None] | None = None) -> None:
+    def run(self, seconds: float, progress: Progress | None = None) -> None:
         """Go on for so long.
 
         Raises

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from truing.importers import import_file, is_foreign
 from truing.recording.baseline import read_baseline
 from truing.recording.reader import read_recording_set
-from truing.recording.run import RecordingSet, Run, Wheel
-
-_OUTSIDE_COLUMNS = ("truth_x_m", "truth_y_m", "truth_theta_rad", "gyro_z_radps")
+from truing.recording.run import RecordingSet, Wheel
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,13 +41,3 @@ def read_input(path: Path, model: Path | None) -> RecordingSet:
     imported = import_file(path)
     baseline = None if model is None else read_baseline(model)
     return RecordingSet(path.name.split(".")[0], imported.runs, baseline, path)
-
-
-def without_pose(recordings: RecordingSet) -> RecordingSet:
-    """The same runs without the signals from outside the wheels."""
-
-    def stripped(run: Run) -> Run:
-        columns = {name: values for name, values in run.columns.items() if name not in _OUTSIDE_COLUMNS}
-        return replace(run, columns=columns)
-
-    return replace(recordings, runs=tuple(stripped(run) for run in recordings))

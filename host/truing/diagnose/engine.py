@@ -17,7 +17,7 @@ from truing.diagnose.data.encoder_faults import find_encoder_fault, one_wheel, w
 from truing.diagnose.data.recorder import at_renewals, repeated_rows
 from truing.diagnose.data.set_data import SetData, set_data
 from truing.diagnose.data.sim_runs import read_sim_runs
-from truing.diagnose.diagnosis_input import Options, without_pose
+from truing.diagnose.diagnosis_input import Options
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.inter_sample_input import inter_sample_uncertainty, with_inter_sample_input
 from truing.diagnose.next_experiment import propose
@@ -70,7 +70,7 @@ def diagnose(
     """
     options = options or Options()
     if options.wheels_only:
-        recordings = without_pose(recordings)
+        recordings = recordings.without_pose()
     if options.sim_runs is None:
         return _diagnose(recordings, options, progress)
     check_data(recordings)

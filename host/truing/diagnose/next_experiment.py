@@ -18,8 +18,6 @@ import numpy as np
 
 from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.diagnose.data.set_data import SetData, set_data
-from truing.diagnose.pose_windows import GYRO
-from truing.diagnose.pose_windows import SIGNALS as POSE
 from truing.diagnose.present.text import effect_title, joined
 from truing.diagnose.problem import Column, base_columns, effect_columns, moves_pose
 from truing.diagnose.profiles import Limits, Profile, Robot, candidate_plans
@@ -27,7 +25,7 @@ from truing.diagnose.result import Explanation, NextExperiment, SignalNoise
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.identify.levenberg import minimise
 from truing.plan import Plan
-from truing.recording.run import MOTION_PAIRS, WHEELS, RecordingSet, Run
+from truing.recording.run import GYRO_COLUMN, MOTION_PAIRS, TRUTH_COLUMNS, WHEELS, RecordingSet, Run
 
 # Whitened difference beyond which two explanations are nearly always distinguished; below half of it rarely.
 CLEARLY_DIFFERENT = 4.0
@@ -319,7 +317,8 @@ class _DriveComparison:
             lasting = np.maximum(2.0 * entry.correlation_s / data.dt_s, 1.0)
             weights[:, column] = 1.0 / np.sqrt(counting**2 + entry.disturbance**2 * lasting + 1e-12)
         weights[~data.judged] = 0.0
-        seen = [self.noise.get(signal) for signal in (POSE if data.has_truth else ("", "", GYRO))]
+        signals = TRUTH_COLUMNS if data.has_truth else ("", "", GYRO_COLUMN)
+        seen = [self.noise.get(signal) for signal in signals]
         pose_weights = [0.0 if entry is None else 1.0 / entry.rms for entry in seen]
         return np.concatenate(
             (weights.ravel(), np.tile(pose_weights, len(simulator.windows(self.horizon_s))))
@@ -390,4 +389,4 @@ def _dead_reckoned(speeds: FloatArray, rate_hz: float, wheelbase_m: float) -> di
     heading = np.cumsum(turn_radps) / rate_hz
     forward_m = speeds.mean(axis=1) / rate_hz
     x_m, y_m = np.cumsum(forward_m * np.cos(heading)), np.cumsum(forward_m * np.sin(heading))
-    return {**dict(zip(POSE, (x_m, y_m, heading), strict=True)), GYRO: turn_radps}
+    return {**dict(zip(TRUTH_COLUMNS, (x_m, y_m, heading), strict=True)), GYRO_COLUMN: turn_radps}

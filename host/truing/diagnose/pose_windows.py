@@ -8,8 +8,8 @@ from truing.arrays import FloatArray, IntArray
 from truing.diagnose.data.traces import PoseTraces
 from truing.diagnose.problem import Problem
 from truing.diagnose.result import MismatchSpan, SignalNoise
+from truing.recording.run import GYRO_COLUMN, TRUTH_COLUMNS
 
-SIGNALS, GYRO = ("truth_x_m", "truth_y_m", "truth_theta_rad"), "gyro_z_radps"
 COMPONENTS = ("distance", "sideways", "heading")
 # Spans hold this share of a component's mismatch.
 COVERED = 0.9
@@ -36,9 +36,9 @@ def pose_noise(problem: Problem) -> list[SignalNoise]:
     if not len(problem.pose_counted):
         return []
     source = "scatter of short pose windows about the best model"
-    kinds = list(zip(SIGNALS, ("m", "m", "rad"), problem.pose_sigma.tolist(), strict=True))
+    kinds = list(zip(TRUTH_COLUMNS, ("m", "m", "rad"), problem.pose_sigma.tolist(), strict=True))
     if not problem.data.has_truth:
-        kinds = [(GYRO, "rad", float(problem.pose_sigma[2]))]
+        kinds = [(GYRO_COLUMN, "rad", float(problem.pose_sigma[2]))]
     return [SignalNoise(signal, 0.0, sigma, sigma, 0.0, source, unit) for signal, unit, sigma in kinds]
 
 
@@ -55,12 +55,12 @@ def pose_spans(problem: Problem, shape: FloatArray, min_times_noise: float) -> l
         return spans
     data, windows = problem.data, problem.simulator.windows(problem.data.pose_horizon_s)
     total = float(np.sum(shape**2))
-    for k, signal in enumerate(SIGNALS):
+    for k, signal in enumerate(TRUTH_COLUMNS):
         energy = shape[:, k] ** 2
         if np.sqrt(energy.mean()) < min_times_noise:
             continue
         if k == 2 and not data.has_truth:
-            signal = GYRO
+            signal = GYRO_COLUMN
         order = np.argsort(energy)[::-1]
         count = int(np.searchsorted(np.cumsum(energy[order]), COVERED * energy.sum())) + 1
         for window in sorted(order[:count]):

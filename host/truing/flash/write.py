@@ -7,6 +7,7 @@ from collections.abc import Callable
 from truing.errors import FlashError
 from truing.flash.image import Image, Part
 from truing.flash.tools import ChipSeen, Tool
+from truing.progress import Progress, ignore_progress
 
 # What the ids of RM0090 38.6.1 and of AN2606's table stand for: the parts that are most often at hand.
 _DEVICES = {
@@ -54,7 +55,7 @@ def check_chip(image: Image, seen: ChipSeen) -> None:
 
 
 def write_image(
-    tool: Tool, image: Image, say: Callable[[str], None], progress: Callable[[float], None] = lambda _: None
+    tool: Tool, image: Image, say: Callable[[str], None], progress: Progress = ignore_progress
 ) -> None:
     """Write an image and read all of it back.
 

@@ -12,7 +12,7 @@ from truing.errors import IdentifyError
 from truing.identify.signals import WheelSignal
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class EvenStretch:
     """Rows at even times: `effort` and `speed` (m/s), each of shape (n,); `run` indexes the names."""
 

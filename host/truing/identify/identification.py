@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from truing.identify.data_checks import Finding, check_set, refuse_absurd
 from truing.identify.first_order import FirstOrderFit, fit_first_order
 from truing.identify.step_metrics import StepMetrics, step_metrics
+from truing.progress import Progress, ignore_progress
 from truing.recording.baseline import Baseline
 from truing.recording.run import WHEELS, RecordingSet, Run, SpeedSource, Wheel
 
@@ -95,11 +95,7 @@ class Identification:
         }
 
 
-def _silent(share: float) -> None:
-    pass
-
-
-def identify_set(recordings: RecordingSet, progress: Callable[[float], None] = _silent) -> Identification:
+def identify_set(recordings: RecordingSet, progress: Progress = ignore_progress) -> Identification:
     """Identify every run of a set, and fit the runs together.
 
     Parameters

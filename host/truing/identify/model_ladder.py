@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +16,7 @@ from truing.identify.signals import wheel_signal
 from truing.identify.state_space import StateSpaceFit, fit_state_space_signal
 from truing.identify.structures import DELAY, STRUCTURES, Structure
 from truing.model.robot_model import RobotModel
+from truing.progress import Progress
 from truing.recording.baseline import RobotGeometry
 from truing.recording.run import WHEELS, RecordingSet, Wheel
 
@@ -94,7 +94,7 @@ def fit_models(
     recordings: RecordingSet,
     *,
     richer: bool = False,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> SetModels:
     """Fit both wheels, each on its own thread (the compiled rollouts release the interpreter).
 

@@ -94,10 +94,10 @@ def fit_state_space_signal(signal: WheelSignal, side: Wheel, *, order: int | Non
     models: dict[int, list[StateSpaceModel]] = {n: [] for n in orders}
     free = {n: np.zeros(len(runs)) for n in orders}
     ahead = np.zeros(len(runs))
-    whole = {id(stretch): _factor(stretch) for stretch in even.stretches}
+    whole = {stretch: _factor(stretch) for stretch in even.stretches}
     for fold in divisions:
         # With one run a fold holds parts of its stretches, which need factors of their own.
-        factors = [whole[id(s)] if id(s) in whole else _factor(s) for s in fold.fitted]
+        factors = [whole[s] if s in whole else _factor(s) for s in fold.fitted]
         basis, _ = _subspace(factors)
         judged = sorted({stretch.run for stretch in fold.judged})
         places = [runs.index(run) for run in judged]

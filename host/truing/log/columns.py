@@ -6,7 +6,15 @@ import numpy as np
 import numpy.typing as npt
 
 from truing.arrays import FloatArray
-from truing.recording.run import Run, RunMetadata
+from truing.recording.run import (
+    BATTERY_COLUMN,
+    COMMAND_PAIR,
+    EFFORT_PAIR,
+    MOTION_PAIRS,
+    ODOMETRY_COLUMNS,
+    Run,
+    RunMetadata,
+)
 from truing_protocol import Mode
 
 # Column of a run: field of the record, and how many of its units make one of the column's.
@@ -25,21 +33,15 @@ _SCALED = {
     "segment": ("segment", 1.0),
     "faults": ("faults", 1.0),
 }
-ORDER = (
+LOG_COLUMNS = (
     "t_s",
     "mode",
-    "cmd_left",
-    "cmd_right",
-    "effort_left",
-    "effort_right",
-    "ticks_left",
-    "ticks_right",
-    "vel_left_mps",
-    "vel_right_mps",
-    "x_m",
-    "y_m",
-    "theta_rad",
-    "battery_v",
+    *COMMAND_PAIR,
+    *EFFORT_PAIR,
+    *MOTION_PAIRS["ticks"],
+    *MOTION_PAIRS["vel"],
+    *ODOMETRY_COLUMNS,
+    BATTERY_COLUMN,
     "segment",
     "faults",
 )
@@ -69,4 +71,4 @@ def run_from_records(records: npt.NDArray[np.void], name: str, metadata: RunMeta
     for side in ("left", "right"):
         raw = records[f"cmd_{side}"].astype(np.float64)
         columns[f"cmd_{side}"] = np.where(is_velocity, raw / 1e3, raw / 1e4)
-    return Run(name=name, columns=columns, mode=mode, order=ORDER, metadata=metadata)
+    return Run(name=name, columns=columns, mode=mode, order=LOG_COLUMNS, metadata=metadata)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import zlib
 from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -13,6 +12,7 @@ from truing.errors import LinkTimeout, LogError
 from truing.link.chunk_length import FRAME_BYTES, ChunkLength
 from truing.link.client import Client
 from truing.log.partial_file import Spans
+from truing.progress import Progress
 from truing_protocol import MAX_PAYLOAD, LogDigestRequest, LogReadReply, LogReadRequest
 
 _LOG = logging.getLogger("truing.download")
@@ -98,7 +98,7 @@ class LogDownload:
         self._late_s = 0.0
         self._requests = self._asked_bytes = self._again_bytes = 0
 
-    def run(self, progress: Callable[[float], None] | None = None) -> DownloadReport:
+    def run(self, progress: Progress | None = None) -> DownloadReport:
         """Fetch everything that is missing and check the whole against the board's digest.
 
         Raises

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -21,24 +21,20 @@ WHEELS: tuple[Wheel, Wheel] = ("left", "right")
 MODES = ("idle", "effort", "velocity")
 MINIMUM_ROWS = 20
 
-REQUIRED_COLUMNS = ("t_s", "effort_left", "effort_right")
 MOTION_PAIRS: dict[SpeedSource, tuple[str, str]] = {
     "ticks": ("ticks_left", "ticks_right"),
     "vel": ("vel_left_mps", "vel_right_mps"),
     "pos": ("pos_left_m", "pos_right_m"),
 }
-OPTIONAL_COLUMNS = (
-    "cmd_left",
-    "cmd_right",
-    "x_m",
-    "y_m",
-    "theta_rad",
-    "battery_v",
-    "truth_x_m",
-    "truth_y_m",
-    "truth_theta_rad",
-    "gyro_z_radps",
-)
+EFFORT_PAIR = ("effort_left", "effort_right")
+REQUIRED_COLUMNS = ("t_s", *EFFORT_PAIR)
+COMMAND_PAIR = ("cmd_left", "cmd_right")
+# The board's own pose, one from outside the robot, and the yaw rate.
+ODOMETRY_COLUMNS = ("x_m", "y_m", "theta_rad")
+TRUTH_COLUMNS = ("truth_x_m", "truth_y_m", "truth_theta_rad")
+GYRO_COLUMN = "gyro_z_radps"
+BATTERY_COLUMN = "battery_v"
+OPTIONAL_COLUMNS = (*COMMAND_PAIR, *ODOMETRY_COLUMNS, BATTERY_COLUMN, *TRUTH_COLUMNS, GYRO_COLUMN)
 NUMERIC_COLUMNS = frozenset(
     REQUIRED_COLUMNS + OPTIONAL_COLUMNS + tuple(name for pair in MOTION_PAIRS.values() for name in pair)
 )
@@ -144,10 +140,10 @@ class Run:
 
     def pose(self) -> tuple[FloatArray, FloatArray, FloatArray] | None:
         """On-board odometry x (m), y (m), theta (rad), each of shape (n,), or None."""
-        names = ("x_m", "y_m", "theta_rad")
-        if not all(name in self.columns for name in names):
+        if not all(name in self.columns for name in ODOMETRY_COLUMNS):
             return None
-        return self.columns["x_m"], self.columns["y_m"], self.columns["theta_rad"]
+        x_m, y_m, theta_rad = (self.columns[name] for name in ODOMETRY_COLUMNS)
+        return x_m, y_m, theta_rad
 
     def travel(self, wheel: Wheel, baseline: Baseline | None) -> FloatArray | None:
         """Wheel travel at the rim since the first row, shape (n,), m.
@@ -205,6 +201,17 @@ class RecordingSet:
 
     def __len__(self) -> int:
         return len(self.runs)
+
+    def without_pose(self) -> RecordingSet:
+        """The same runs without the signals from outside the wheels."""
+        outside = (*TRUTH_COLUMNS, GYRO_COLUMN)
+        return replace(
+            self,
+            runs=tuple(
+                replace(run, columns={n: v for n, v in run.columns.items() if n not in outside})
+                for run in self.runs
+            ),
+        )
 
 
 def _difference(t_s: FloatArray, travel: FloatArray) -> FloatArray:

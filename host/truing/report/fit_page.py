@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from html import escape
 from importlib import resources
 from pathlib import Path
@@ -15,6 +14,7 @@ from truing import __version__
 from truing.identify.model_ladder import SetModels
 from truing.identify.model_tables import model_tables
 from truing.identify.simulate import Simulation, simulate
+from truing.progress import Progress
 from truing.recording.run import RecordingSet, Run, Wheel
 from truing.recording.writer import replace_file
 from truing.report.figures import Figure, figure_numbers, speeds_layout
@@ -24,7 +24,7 @@ from truing.report.run_view import COLOURS
 
 
 def save_fit(
-    recordings: RecordingSet, models: SetModels, folder: Path, progress: Callable[[float], None]
+    recordings: RecordingSet, models: SetModels, folder: Path, progress: Progress
 ) -> list[Path]:
     """Write report.html, fit.json and tables/; returns the files, the report first."""
     figures = {}

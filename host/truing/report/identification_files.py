@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 from truing.identify.identification import Identification
 from truing.identify.tables import fits_csv, result_tables, steps_csv
+from truing.progress import Progress
 from truing.recording.run import RecordingSet
 from truing.recording.writer import replace_file
 from truing.report.overlays import overlays, save_overlay
@@ -22,7 +22,7 @@ def save_identification(
     recordings: RecordingSet,
     result: Identification,
     folder: str | Path,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> list[Path]:
     """Write report.html, identification.json, steps.csv, first_order.csv and a PNG of each run.
 

@@ -24,6 +24,7 @@ from truing.identify.signals import wheel_signal
 from truing.identify.state_space import START_ROWS, fit_state_space_signal
 from truing.model.linear import ArxModel, StateSpaceModel
 from truing.model.wheel import WheelPhysics, simulate_physics
+from truing.progress import Progress
 from truing.recording.baseline import Baseline
 from truing.recording.run import WHEELS, RecordingSet, Run, Wheel
 from truing.studies.bakirci_tests import PAPER_TESTS
@@ -198,7 +199,7 @@ def paper_runs(recordings: RecordingSet) -> dict[str, Run]:
     return found
 
 
-def study_models(recordings: RecordingSet, progress: Callable[[float], None] | None = None) -> ModelStudy:
+def study_models(recordings: RecordingSet, progress: Progress | None = None) -> ModelStudy:
     """Fit on XI and XV, judge on XVI and XVII."""
     runs = paper_runs(recordings)
     baseline = recordings.baseline

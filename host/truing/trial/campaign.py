@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from truing.errors import TruingError
+from truing.progress import Progress
 from truing.recording.writer import replace_file
 from truing.trial.concealed import Asked, TrialResult, run_concealed
 from truing.trial.order import Block, Task, tasks
@@ -30,7 +31,7 @@ def run_campaign(
     trials: int,
     seed: int,
     folder: Path,
-    progress: Callable[[float], None],
+    progress: Progress,
     note: Callable[[str], None],
     *,
     jobs: int | None = None,

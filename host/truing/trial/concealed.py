@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 from truing.errors import SealedProcessError
 from truing.plan import Plan
+from truing.progress import Progress
 from truing.trial.seal import open_seal
 
 if TYPE_CHECKING:
     from truing.diagnose.result import Diagnosis
 
 Tell = Callable[[str], None]
-Progress = Callable[[float], None]
 Diagnose = Callable[[Path, Path], "Diagnosis"]
 
 

@@ -13,8 +13,9 @@ from truing.arrays import FloatArray
 from truing.diagnose.diagnosis_input import Options, read_input
 from truing.diagnose.engine import diagnose
 from truing.diagnose.result import Diagnosis, MismatchSpan
+from truing.progress import Progress
 from truing.recording.run import WHEELS
-from truing.trial.concealed import Asked, Progress, Tell, TrialResult, run_concealed
+from truing.trial.concealed import Asked, Tell, TrialResult, run_concealed
 
 # The seed decides effect, strength, robot, baseline and noise; any other conceals another effect.
 SEED = 76

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -19,6 +19,7 @@ from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
 from truing.log.columns import run_from_records
 from truing.plan import Kind, Plan
+from truing.progress import Progress
 from truing.recording.run import Run
 from truing.trial.robot import Robot
 
@@ -131,7 +132,7 @@ def drive_set(
     plans: Sequence[Plan],
     spec: Robot,
     placing_seed: int,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> DrivenSet:
     """Drive the plans one right after the other, and close the robot."""
     drive = TrialDrive(robot, spec, placing_seed, longest_drive_s(plans))

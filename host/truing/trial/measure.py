@@ -13,6 +13,7 @@ from truing.diagnose.fit import Fit
 from truing.diagnose.problem import Problem
 from truing.diagnose.result import Diagnosis, MismatchSpan
 from truing.diagnose.search import Search
+from truing.recording.run import TRUTH_COLUMNS
 from truing.trial.comparators.opinion import Opinion
 from truing.trial.comparators.picker import picker
 from truing.trial.comparators.sparse import sparse
@@ -27,7 +28,6 @@ _MIN_GAP = 0.02
 # An effect is where this share of its energy is.
 WHERE_IT_IS = 0.95
 SPEED_SIGNALS = ("vel_left_mps", "vel_right_mps")
-POSE_SIGNALS = ("truth_x_m", "truth_y_m", "truth_theta_rad")
 
 
 @dataclass(frozen=True)
@@ -318,10 +318,10 @@ def _pose_places(
     inside = np.zeros_like(effect, dtype=bool)
     names = np.array(data.names)[windows.run]
     for span in spans:
-        if span.signal in POSE_SIGNALS:
+        if span.signal in TRUTH_COLUMNS:
             rows = (names == span.run) & (data.t_s[windows.first] >= span.t_start_s - 1e-9)
             rows &= data.t_s[windows.last] <= span.t_end_s + 1e-9
-            inside[rows, POSE_SIGNALS.index(span.signal)] = True
+            inside[rows, TRUTH_COLUMNS.index(span.signal)] = True
     return _shares(effect, noise, inside)
 
 

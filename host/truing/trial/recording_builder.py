@@ -13,8 +13,10 @@ import numpy as np
 
 from truing.arrays import BoolArray, FloatArray
 from truing.errors import WeakEffectError
+from truing.log.columns import LOG_COLUMNS
 from truing.plan import Kind, Plan
-from truing.recording.run import Run
+from truing.progress import Progress
+from truing.recording.run import GYRO_COLUMN, TRUTH_COLUMNS, Run
 from truing.recording.writer import replace_file, write_run
 from truing.trial.drives import (
     DrivenRun,
@@ -37,23 +39,8 @@ from truing.trial.strength import (
     wheel_strength,
 )
 
-_COLUMNS = (
-    "t_s",
-    "mode",
-    "cmd_left",
-    "cmd_right",
-    "effort_left",
-    "effort_right",
-    "ticks_left",
-    "ticks_right",
-    "vel_left_mps",
-    "vel_right_mps",
-    "x_m",
-    "y_m",
-    "theta_rad",
-    "battery_v",
-)
-
+# What a trial keeps of a board's log.
+_COLUMNS = tuple(name for name in LOG_COLUMNS if name not in ("segment", "faults"))
 
 # Simulations that the search for a strength may take, and how near S must come, in its logarithm.
 _MAX_STEPS, _SECANT_STEPS = 9, 3
@@ -128,7 +115,7 @@ class RecordingBuilder:
         longest_s = longest_drive_s(trial.plans, more_s=_MORE_S)
         self._drive = TrialDrive(make(prepared.robot, trial.seed), prepared.robot, trial.seed, longest_s)
 
-    def drive(self, plans: Sequence[Plan], progress: Callable[[float], None] | None = None) -> None:
+    def drive(self, plans: Sequence[Plan], progress: Progress | None = None) -> None:
         """Drive plans, one right after the other.
 
         Raises
@@ -259,16 +246,16 @@ def with_sensors(
     if sensors.truth_mm > 0.0:
         spread = (sensors.truth_mm * 1e-3, sensors.truth_mm * 1e-3, sensors.truth_mrad * 1e-3)
         seen = pose + rng.normal(0.0, spread, (len(run.run), 3))
-        for k, name in enumerate(("truth_x_m", "truth_y_m", "truth_theta_rad")):
+        for k, name in enumerate(TRUTH_COLUMNS):
             columns[name] = np.round(seen[:, k], 5)
             order.append(name)
     if sensors.gyro_radps > 0.0:
         turn = np.diff(pose[:, 2], prepend=pose[0, 2])
         dt = np.diff(run.run.t_s, prepend=run.run.t_s[0] - 0.05)
-        columns["gyro_z_radps"] = np.round(
+        columns[GYRO_COLUMN] = np.round(
             turn / np.maximum(dt, 1e-9) + rng.normal(0.0, sensors.gyro_radps, len(run.run)), 5
         )
-        order.append("gyro_z_radps")
+        order.append(GYRO_COLUMN)
     return dataclasses.replace(run.run, columns=columns, order=tuple(order), metadata=None)
 
 

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from hil_sim.host_robot import replay
 from hil_sim.recorded import Samples
 from truing.arrays import FloatArray
+from truing.recording.run import ODOMETRY_COLUMNS
 from truing.trial.drives import DrivenSet
 from truing.trial.robot import Robot
 
@@ -54,7 +55,7 @@ def row_motion(driven: DrivenSet, samples: Samples, robot: Robot) -> RowMotion:
 
         speeds.append(mean_speed(at, seen(travel)))
         recorded.append(mean_speed(at, seen(filtered)) if robot.filter_s > 0.0 else speeds[-1])
-        poses.append(seen(np.column_stack([samples[name] for name in ("x_m", "y_m", "theta_rad")])))
+        poses.append(seen(np.column_stack([samples[name] for name in ODOMETRY_COLUMNS])))
         numbers.append(np.full(len(at), number))
     return RowMotion(
         np.concatenate(speeds), np.concatenate(recorded), np.concatenate(poses), np.concatenate(numbers)

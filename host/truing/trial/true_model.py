@@ -23,7 +23,7 @@ from truing.diagnose.search import Search
 from truing.diagnose.signal_selection import with_recorder_speeds, with_selected_signal
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.recording.reader import read_recording_set
-from truing.recording.run import WHEELS, RecordingSet, Run
+from truing.recording.run import GYRO_COLUMN, TRUTH_COLUMNS, WHEELS, RecordingSet, Run
 
 # Noise levels beside which no misfit is large.
 _PLAIN_LEVEL = 30.0
@@ -72,7 +72,7 @@ class TrueModel:
         self.on_real = self._problem()
         self.on_clean = replace(self.on_real, data=self.clean, simulator=SetSimulator(self.clean))
         self.plain = self._plain(self.on_clean)
-        self._bases: dict[int, Fit] = {}
+        self._bases: list[tuple[Problem, Fit]] = []
 
     def _judged_alike(self, data: SetData) -> SetData:
         """The set, its speeds those signals that the diagnosis judged."""
@@ -125,9 +125,12 @@ class TrueModel:
 
     def base(self, problem: Problem) -> Fit:
         """The baseline's numbers, refitted."""
-        if id(problem) not in self._bases:
-            self._bases[id(problem)] = fit(problem, (), problem.simulator.start(), iterations=25)
-        return self._bases[id(problem)]
+        for known, found in self._bases:
+            if known is problem:
+                return found
+        found = fit(problem, (), problem.simulator.start(), iterations=25)
+        self._bases.append((problem, found))
+        return found
 
     def effective(self, hints: Sequence[Fit]) -> Fit:
         """The numbers that the catalogue's equations take on noise-free output."""
@@ -225,10 +228,10 @@ def _clean_run(run: Run, truth: Truth, rows: BoolArray, metres_per_count: float)
     for i, wheel in enumerate(WHEELS):
         columns[f"ticks_{wheel}"] = counts[:, i]
         columns[f"vel_{wheel}_mps"] = truth.recorded[rows, i]
-    for k, name in enumerate(("truth_x_m", "truth_y_m", "truth_theta_rad")):
+    for k, name in enumerate(TRUTH_COLUMNS):
         if name in columns:
             columns[name] = pose[:, k]
-    if "gyro_z_radps" in columns:
+    if GYRO_COLUMN in columns:
         turn = np.diff(pose[:, 2], prepend=pose[0, 2])
-        columns["gyro_z_radps"] = turn / np.maximum(np.diff(run.t_s, prepend=run.t_s[0] - 0.05), 1e-9)
+        columns[GYRO_COLUMN] = turn / np.maximum(np.diff(run.t_s, prepend=run.t_s[0] - 0.05), 1e-9)
     return replace(run, columns=columns)

@@ -17,7 +17,6 @@ from truing.board.parameter_file import read_parameter_file
 from truing.cli.app import App
 from truing.cli.diagnose import command
 from truing.diagnose import engine
-from truing.diagnose.diagnosis_input import without_pose
 from truing.diagnose.simulator_baseline import equivalent_baseline
 from truing.errors import TruingError
 from truing.exporters.source import read_model
@@ -233,7 +232,7 @@ def test_wheels_only_hides_the_outside_pose() -> None:
         for column in ("truth_x_m", "truth_y_m", "truth_theta_rad", "gyro_z_radps"):
             values[column] = np.zeros_like(values["t_s"])
 
-    stripped = without_pose(recordings(2, change))
+    stripped = recordings(2, change).without_pose()
     assert not any("truth" in column or "gyro" in column for one in stripped for column in one.columns)
 
 

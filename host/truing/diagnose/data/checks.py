@@ -24,7 +24,7 @@ from truing.diagnose.result import Check, Severity
 from truing.errors import IdentifyError
 from truing.identify.data_checks import Finding, check_set
 from truing.recording.baseline import Baseline
-from truing.recording.run import MINIMUM_ROWS, WHEELS, RecordingSet, Run, Wheel
+from truing.recording.run import MINIMUM_ROWS, TRUTH_COLUMNS, WHEELS, RecordingSet, Run, Wheel
 
 # 16, 24 and 32 bit counters wrap by these.
 COUNTER_SPANS = (2.0**16, 2.0**24, 2.0**32)
@@ -35,7 +35,6 @@ FAST_EFFECTS = (
     *("input_delay", "driver_lag", "speed_filter", "coast_decay"),
     *("current_limit", "gear_backlash"),
 )
-POSE_COLUMNS = ("truth_x_m", "truth_y_m", "truth_theta_rad")
 
 # What `check_set` finds, by its topic: how much it matters, and what to do.
 _KNOWN: dict[str, tuple[Severity, str]] = {
@@ -283,7 +282,7 @@ def _geometry(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]:
 
 
 def _has_outside_pose(run: Run) -> bool:
-    return all(name in run.columns for name in POSE_COLUMNS)
+    return all(name in run.columns for name in TRUTH_COLUMNS)
 
 
 _INSPECTIONS: tuple[Callable[[RecordingSet, Baseline], Iterator[Check]], ...] = (

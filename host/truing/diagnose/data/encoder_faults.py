@@ -30,7 +30,6 @@ MIN_FLUCTUATION, FLUCTUATION_RATIO = 0.12, 3.0
 # Ratio of the largest to the smallest mean ratio over the runs.
 MIN_SHARE_CHANGE = 1.25
 
-_POSE = ("truth_x_m", "truth_y_m", "truth_theta_rad", "gyro_z_radps")
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,13 +91,13 @@ def one_wheel(recordings: RecordingSet, wheel: Wheel) -> RecordingSet:
     dead = 1 - WHEELS.index(wheel)
 
     def stripped(run: Run) -> Run:
-        columns = {name: values for name, values in run.columns.items() if name not in _POSE}
+        columns = dict(run.columns)
         for pair in MOTION_PAIRS.values():
             if pair[dead] in columns:
                 columns[pair[dead]] = np.zeros(len(run))
         return replace(run, columns=columns)
 
-    return replace(recordings, runs=tuple(stripped(run) for run in recordings))
+    return replace(recordings, runs=tuple(stripped(run) for run in recordings.without_pose()))
 
 
 def with_encoder_fault(of_other: Diagnosis, found: EncoderFault) -> Diagnosis:

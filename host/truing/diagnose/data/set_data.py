@@ -22,7 +22,18 @@ from truing.diagnose.data.valid_rows import valid_rows, wheel_speeds
 from truing.errors import IdentifyError
 from truing.model.excitation import STILL_ROWS, Pieces, excitation
 from truing.recording.baseline import Baseline
-from truing.recording.run import MOTION_PAIRS, WHEELS, RecordingSet, SpeedSource
+from truing.recording.run import (
+    BATTERY_COLUMN,
+    COMMAND_PAIR,
+    EFFORT_PAIR,
+    GYRO_COLUMN,
+    MOTION_PAIRS,
+    ODOMETRY_COLUMNS,
+    TRUTH_COLUMNS,
+    WHEELS,
+    RecordingSet,
+    SpeedSource,
+)
 
 # Pose windows of this length, s: an odometry error shows over seconds, a delay of a command over less.
 POSE_HORIZON_S, COMMANDED_HORIZON_S = 2.0, 0.25
@@ -211,7 +222,7 @@ def set_data(
     runs, starts, interval_s = joined.runs, joined.starts, joined.interval_s
     t_s = joined.join([run.t_s for run in runs])
     dt_s = joined.intervals(t_s)
-    effort = joined.pair(("effort_left", "effort_right"))
+    effort = joined.pair(EFFORT_PAIR)
     assert effort is not None
     measured = [wheel_speeds(run, baseline) for run in runs]
     speed = joined.join([np.stack(pair, axis=1) for pair in measured])
@@ -219,7 +230,7 @@ def set_data(
     angle, origin = wheel_angles(joined, baseline)
     positions = _positions(joined, baseline, travel)
     truth, odometry = _poses(joined, travel, commanded, recordings.name)
-    gyro = joined.column("gyro_z_radps")
+    gyro = joined.column(GYRO_COLUMN)
     heading, heading_source = best_heading(joined, truth, gyro, odometry, travel, baseline, dt_s)
     return SetData(
         names=tuple(run.name for run in runs),
@@ -244,8 +255,8 @@ def set_data(
         origin_rad=origin,
         recorded_vel_mps=joined.pair(MOTION_PAIRS["vel"]),
         position_speed_mps=None if positions is None else joined.rates(positions, dt_s),
-        command=joined.pair(("cmd_left", "cmd_right")),
-        battery_v=joined.column("battery_v"),
+        command=joined.pair(COMMAND_PAIR),
+        battery_v=joined.column(BATTERY_COLUMN),
         truth=truth,
         odometry=odometry,
         gyro_radps=np.full(len(t_s), np.nan) if gyro is None else gyro,
@@ -279,9 +290,9 @@ def _poses(
     joined: JoinedRuns, travel: FloatArray, commanded: bool, name: str
 ) -> tuple[FloatArray, FloatArray]:
     """Reference pose and odometry of every row, both of shape (n, 3)."""
-    truth = joined.pose(("truth_x_m", "truth_y_m", "truth_theta_rad"))
+    truth = joined.pose(TRUTH_COLUMNS)
     blank_stale(truth, travel, joined.starts)
-    odometry = joined.pose(("x_m", "y_m", "theta_rad"))
+    odometry = joined.pose(ODOMETRY_COLUMNS)
     if commanded and not np.isfinite(truth).all(axis=1).any():
         truth = odometry.copy()
         if not np.isfinite(truth).all(axis=1).any():

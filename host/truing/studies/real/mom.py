@@ -22,7 +22,7 @@ from truing.diagnose.data.set_data import set_data
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.identify.levenberg import minimise
 from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
-from truing.recording.run import RecordingSet, Run
+from truing.recording.run import ODOMETRY_COLUMNS, RecordingSet, Run
 from truing.studies.mom_odometry import DESIRED, PAPER_MODEL, REAL, START, ErrorModel, Pose, advance, replay
 
 EFFECT = "heading_drift"
@@ -63,7 +63,7 @@ def end_run(end: Pose = REAL) -> RecordingSet:
         y * math.cos(facing) - x * math.sin(facing),
         turn,
     )
-    for name, value in zip(("x_m", "y_m", "theta_rad"), last, strict=True):
+    for name, value in zip(ODOMETRY_COLUMNS, last, strict=True):
         column = np.full(len(run), np.nan)
         column[0], column[-1] = 0.0, value
         columns[name] = column

@@ -22,7 +22,7 @@ import numpy as np
 from truing.arrays import BoolArray, FloatArray
 from truing.errors import FileError
 from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
-from truing.recording.run import RecordingSet, Run
+from truing.recording.run import TRUTH_COLUMNS, RecordingSet, Run
 
 COMMANDS, POSES = "D6_Robot1_Odometry.dat.gz", "D6_Robot1_Groundtruth.dat.gz"
 # iRobot Create Open Interface, 2006: "Drive Direct", -500 to 500 mm/s a wheel; 258 mm between the wheels.
@@ -77,7 +77,7 @@ def _run(name: str, commands: FloatArray, poses: FloatArray, at: FloatArray) -> 
     pose = poses[:, 1:].copy()
     pose[:, 2] = np.unwrap(pose[:, 2])
     seen = _seen(poses[:, 0], at)
-    for k, column in enumerate(("truth_x_m", "truth_y_m", "truth_theta_rad")):
+    for k, column in enumerate(TRUTH_COLUMNS):
         columns[column] = np.where(seen, np.interp(at, poses[:, 0], pose[:, k]), np.nan)
     return Run(name, columns, order=tuple(columns))
 

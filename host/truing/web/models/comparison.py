@@ -22,7 +22,7 @@ from truing.identify.signals import wheel_signal
 from truing.model.wheel import WheelPhysics
 from truing.plan import Plan
 from truing.recording.baseline import Baseline
-from truing.recording.run import WHEELS, Run, Wheel
+from truing.recording.run import TRUTH_COLUMNS, WHEELS, Run, Wheel
 from truing.studies.mom_odometry import NO_ERROR, ErrorModel
 from truing.web.models.effect_rollout import effect_rollout, has_memory
 from truing.web.models.error_model import ModelChoice
@@ -180,9 +180,8 @@ def _replay(name: str, model: ErrorModel, start: Pose, cycles: list[Cycle]) -> C
 
 def _real(run: Run, baseline: Baseline | None, start: Pose, width: float | None, notes: list[str]) -> Curve:
     speeds = _speeds(run, baseline)
-    names = ("truth_x_m", "truth_y_m", "truth_theta_rad")
-    if all(name in run.columns for name in names):
-        pose = tuple(run.columns[name] for name in names)
+    if all(name in run.columns for name in TRUTH_COLUMNS):
+        pose = tuple(run.columns[name] for name in TRUTH_COLUMNS)
     else:
         found = run.pose()
         if found is not None:
