@@ -332,10 +332,6 @@ class VirtualRobot:
         """Break (or mend) an encoder; the counts themselves do not jump."""
         self._library.rig_encoder_fault(self._rig, wheel, int(fault))
 
-    def set_encoder_connected(self, wheel: int, connected: bool) -> None:
-        """Pull or plug in an encoder's cable."""
-        self.set_encoder_fault(wheel, EncoderFault.GOOD if connected else EncoderFault.UNPLUGGED)
-
     def set_motors_swapped(self, swapped: bool) -> None:
         """Connect each bridge to the other wheel's motor."""
         self._library.rig_swap_motors(self._rig, swapped)

@@ -250,7 +250,7 @@ class Device:
 
     # ---- sequences
 
-    def upload(self, plan: Plan, progress: Progress | None = None) -> UploadedSequence:
+    def upload(self, plan: Plan) -> UploadedSequence:
         """Give the board a plan; it checks every segment and the whole's CRC.
 
         Raises
@@ -271,8 +271,6 @@ class Device:
         self.client.request(SeqBeginRequest(len(segments), plan.log_rate_hz))
         for first in range(0, len(segments), _SEGMENTS_PER_FRAME):
             self.client.request(SeqSegmentsRequest(first, segments[first : first + _SEGMENTS_PER_FRAME]))
-            if progress is not None:
-                progress(min(first + _SEGMENTS_PER_FRAME, len(segments)) / len(segments))
         reply = self.client.request(SeqCommitRequest(crc))
         return UploadedSequence(crc, reply.duration_ms / 1000)
 

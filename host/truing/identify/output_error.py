@@ -141,9 +141,7 @@ def fit_physics(
     )
 
 
-def fit_nested(
-    signal: WheelSignal, structure: Structure, inner: PhysicsFit, *, iterations: int = 60
-) -> PhysicsFit:
+def fit_nested(signal: WheelSignal, structure: Structure, inner: PhysicsFit) -> PhysicsFit:
     """Fit a richer structure from the fitted simpler one: the new parameters start at several values."""
     new = [name for name in structure.free if name not in inner.structure.free]
     best: PhysicsFit | None = None
@@ -155,18 +153,16 @@ def fit_nested(
     ]
     for values in itertools.product(*starts):
         begin = replace(inner.physics, **dict(zip(new, values, strict=True)))
-        fit = fit_physics(signal, structure, start=begin, base=inner.physics, iterations=iterations)
+        fit = fit_physics(signal, structure, start=begin, base=inner.physics)
         if best is None or fit.minimum.cost < best.minimum.cost:
             best = fit
     assert best is not None
     if "breakaway_excess" in new and not fades:
-        best = _scan_breakaway(signal, structure, best, iterations)
+        best = _scan_breakaway(signal, structure, best)
     return best
 
 
-def _scan_breakaway(
-    signal: WheelSignal, structure: Structure, best: PhysicsFit, iterations: int
-) -> PhysicsFit:
+def _scan_breakaway(signal: WheelSignal, structure: Structure, best: PhysicsFit) -> PhysicsFit:
     """Walk the breakaway friction in ever smaller steps: the cost is a staircase in it."""
     step = 0.5 * max(best.physics.breakaway_excess, 0.01)
     while step > 5e-4:
@@ -175,7 +171,7 @@ def _scan_breakaway(
             if value < 0.0:
                 continue
             begin = replace(best.physics, breakaway_excess=value)
-            fit = fit_physics(signal, structure, start=begin, base=best.physics, iterations=iterations)
+            fit = fit_physics(signal, structure, start=begin, base=best.physics)
             if fit.minimum.cost < (1.0 - 1e-6) * best.minimum.cost:
                 best, improved = fit, True
         if not improved:

@@ -17,7 +17,6 @@ _EFFORT, _VELOCITY = 1, 2
 
 # Models: per kind of number six for "not zero" by context, one for the sign, twelve for the length,
 # twelve for the bit below the highest; then "state changed" and "not as replayed".
-_KIND = 31
 _SIGN, _MORE, _TOP = 6, 7, 19
 _LENGTHS = 12
 _TIME, _MODE, _TRAVEL, _EFFORT_SET, _EFFORT_HELD, _SPEED, _HEADING, _POSITION, _BATTERY = (

@@ -188,17 +188,17 @@ def _track(x: FloatArray, y: FloatArray, name: str, line: dict[str, Any]) -> dic
     }
 
 
-def thin(values: FloatArray, most: int = MOST_POINTS) -> NDArray[np.intp]:
-    """Rows to draw, at most about `most`: lowest and highest of each bucket, so that no peak is lost.
+def thin(values: FloatArray) -> NDArray[np.intp]:
+    """Rows to draw, at most about MOST_POINTS: lowest and highest of each bucket, so that no peak is lost.
 
     Parameters
     ----------
     values : shape (n,); NaN, which breaks a line, is kept.
     """
     n = len(values)
-    if n <= most:
+    if n <= MOST_POINTS:
         return np.arange(n)
-    size = -(-2 * n // most)
+    size = -(-2 * n // MOST_POINTS)
     buckets = n // size
     body = np.nan_to_num(values[: buckets * size]).reshape(buckets, size)
     base = size * np.arange(buckets)

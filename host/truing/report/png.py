@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 # Of a table's picture, inches: one line, one character, the gap between columns.
 LINE_IN, CHARACTER_IN, GAP_IN, EDGE_IN = 0.19, 0.083, 0.22, 0.15
 FONT_SIZE = 9.0
-REMARK_CHARACTERS = 100
 
 
 def save_picture(path: Path, size: tuple[float, float], draw: Callable[[Figure], None]) -> Path:

@@ -401,9 +401,9 @@ class GainStudy:
         }
 
 
-def study_gains(table: GainTable | None = None) -> GainStudy:
+def study_gains() -> GainStudy:
     """Fit every rung, and say what no rung can do."""
-    table = printed_gains() if table is None else table
+    table = printed_gains()
     repeats, errors = _repeats(table)
     return GainStudy(
         table,

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -30,7 +30,6 @@ from truing.recording.run import WHEELS, RecordingSet, Run, Wheel
 from truing.studies.bakirci_tests import PAPER_TESTS
 
 Model: TypeAlias = ArxModel | StateSpaceModel | WheelPhysics
-Unit: TypeAlias = Literal["effort", "velocity"]
 
 INTERVAL_S = 0.05
 _A = np.array([[0.7592, 0.1390], [-0.4384, -0.0198]])

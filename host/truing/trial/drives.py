@@ -19,7 +19,6 @@ from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
 from truing.log.columns import run_from_records
 from truing.plan import Kind, Plan
-from truing.progress import Progress
 from truing.recording.run import Run
 from truing.trial.robot import Robot
 
@@ -128,19 +127,13 @@ def longest_drive_s(plans: Sequence[Plan], more_s: float = 0.0) -> float:
 
 
 def drive_set(
-    robot: SimulatedRobot,
-    plans: Sequence[Plan],
-    spec: Robot,
-    placing_seed: int,
-    progress: Progress | None = None,
+    robot: SimulatedRobot, plans: Sequence[Plan], spec: Robot, placing_seed: int
 ) -> DrivenSet:
     """Drive the plans one right after the other, and close the robot."""
     drive = TrialDrive(robot, spec, placing_seed, longest_drive_s(plans))
     try:
-        for number, plan in enumerate(plans, 1):
+        for plan in plans:
             drive.drive(plan)
-            if progress is not None:
-                progress(number / len(plans))
         return drive.so_far()
     finally:
         drive.close()

@@ -102,7 +102,6 @@ def draw_trial(
     names: tuple[str, ...] | None = None,
     *,
     weak: bool | None = None,
-    driving: Driving | None = None,
     plans: tuple[Plan, ...] | None = None,
 ) -> Trial:
     """Return the trial that a seed stands for.
@@ -111,7 +110,6 @@ def draw_trial(
     ----------
     names : the effects to conceal; drawn evenly from those of the family when left out.
     weak : strength below 1; drawn when left out.
-    driving : which runs there are; drawn when left out.
     plans : drive these instead.
     """
     rng = np.random.default_rng([seed, 0x747275])
@@ -136,7 +134,7 @@ def draw_trial(
         gain[:], constant[:] = gain.mean(), constant.mean()
         off[1], off[3] = off[0], off[2]
     chosen = str(rng.choice(["whole", "partial", "ordinary"], p=[0.65, 0.2, 0.15]))
-    driving = driving or _DRIVING[chosen]
+    driving = _DRIVING[chosen]
     needs_truth = any("truth" in ALL[name].needs for name in names)
     has_pose = needs_truth or rng.random() < 0.4
     sensors = Sensors(

@@ -162,11 +162,11 @@ def wheel_strength(first_order: FirstOrder, motion: RowMotion, noise_mps: float,
     return float(np.sqrt(np.mean(residual**2) + np.mean(signal**2))) / noise_mps
 
 
-def window_moves(pose: FloatArray, run: npt.NDArray[np.intp], rows: int = POSE_WINDOW_ROWS) -> FloatArray:
+def window_moves(pose: FloatArray, run: npt.NDArray[np.intp]) -> FloatArray:
     """Displacement over windows in the frame of their beginnings: forward, lateral (m), heading (rad)."""
     moves = []
     for number in np.unique(run):
-        part = pose[run == number][::rows]
+        part = pose[run == number][::POSE_WINDOW_ROWS]
         step = np.diff(part, axis=0)
         c, s = np.cos(part[:-1, 2]), np.sin(part[:-1, 2])
         moves.append(

@@ -85,11 +85,10 @@ class SimulatedBus:
 
     virtual = True
 
-    def __init__(
-        self, bus: VirtualCanBus, name: str = "can:sim", on_close: Callable[[], None] | None = None
-    ) -> None:
+    name = "can:sim"
+
+    def __init__(self, bus: VirtualCanBus, on_close: Callable[[], None] | None = None) -> None:
         self._bus = bus
-        self.name = name
         self._on_close = on_close
 
     def send(self, can_id: int, data: bytes) -> None:

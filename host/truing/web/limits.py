@@ -38,7 +38,7 @@ class Limits:
         )
 
     def clamped(
-        self, requested: tuple[float, float], previous: tuple[float, float], seconds: float = CYCLE_S
+        self, requested: tuple[float, float], previous: tuple[float, float]
     ) -> tuple[float, float, tuple[str, ...]]:
         """The nearest feasible speed (m/s) and yaw rate (rad/s), and the names of the active limits.
 
@@ -51,7 +51,7 @@ class Limits:
         if wheel_speed > self.wheel_mps * (1.0 + 1e-9):
             active.append("wheel speed")
             v, omega = v * self.wheel_mps / wheel_speed, omega * self.wheel_mps / wheel_speed
-        step, turn = self.accel_mps2 * seconds, self.yaw_accel_radps2 * seconds
+        step, turn = self.accel_mps2 * CYCLE_S, self.yaw_accel_radps2 * CYCLE_S
         v = _clamp(v, previous[0] - step, previous[0] + step, "acceleration", active)
         omega = _clamp(omega, previous[1] - turn, previous[1] + turn, "yaw acceleration", active)
         return v, omega, tuple(active)

@@ -68,18 +68,14 @@ class DataChecks:
     blocked: tuple[str, ...]
 
 
-def check_data(recordings: RecordingSet, baseline: Baseline | None = None) -> DataChecks:
+def check_data(recordings: RecordingSet) -> DataChecks:
     """Check recordings before anything is fitted.
-
-    Parameters
-    ----------
-    baseline : instead of the set's own.
 
     Raises
     ------
     RecordingError, IdentifyError : no verdict is possible; says why, where, and what to do.
     """
-    baseline = baseline or recordings.baseline
+    baseline = recordings.baseline
     if baseline is None:
         raise IdentifyError(
             f"{recordings.path or recordings.name}: there is no baseline to compare with",
@@ -87,26 +83,25 @@ def check_data(recordings: RecordingSet, baseline: Baseline | None = None) -> Da
         )
     if not recordings.runs:
         raise IdentifyError(f"{recordings.path or recordings.name}: there is no run in it")
-    together = RecordingSet(recordings.name, recordings.runs, baseline, recordings.path)
-    for run in together:
+    for run in recordings:
         check_time(run)
         check_efforts(run)
-    speeds = [wheel_speeds(run, baseline) for run in together]
-    check_units(together, baseline, speeds)
-    check_signs(together, speeds)
-    wheels, found = _movable(together, speeds)
-    check_excitation(together, baseline, speeds)
+    speeds = [wheel_speeds(run, baseline) for run in recordings]
+    check_units(recordings, baseline, speeds)
+    check_signs(recordings, speeds)
+    wheels, found = _movable(recordings, speeds)
+    check_excitation(recordings, baseline, speeds)
 
-    valid = valid_rows(together.runs, baseline, speeds)
-    for run, pair in zip(together, speeds, strict=True):
+    valid = valid_rows(recordings.runs, baseline, speeds)
+    for run, pair in zip(recordings, speeds, strict=True):
         found += _jumps(run, baseline, pair)
     if sum(int(mask.sum()) for mask in valid) < MINIMUM_ROWS:
         raise IdentifyError(
             f"fewer than {MINIMUM_ROWS} rows are left to compare once jumps are set aside",
             "Look at the counts: a loose plug or a counter that resets looks like this",
         )
-    found += _from_findings(check_set(together))
-    found += [check for inspect in _INSPECTIONS for check in inspect(together, baseline)]
+    found += _from_findings(check_set(recordings))
+    found += [check for inspect in _INSPECTIONS for check in inspect(recordings, baseline)]
     found.sort(key=lambda check: check.severity != "warning")
     blocked = sorted({name for check in found for name in check.blocks})
     return DataChecks(
@@ -114,7 +109,7 @@ def check_data(recordings: RecordingSet, baseline: Baseline | None = None) -> Da
         tuple(valid),
         wheels,
         baseline.metres_per_count is not None and baseline.wheelbase_m is not None,
-        any(_has_outside_pose(run) for run in together),
+        any(_has_outside_pose(run) for run in recordings),
         tuple(blocked),
     )
 

@@ -14,6 +14,8 @@ from truing.diagnose.data.set_data import SetData
 
 # Share of full speed below which a wheel is at rest.
 REST_SPEED_SHARE = 0.01
+# Bands of |speed| up to full speed.
+SPEED_BANDS = 6
 
 
 def gains(data: SetData) -> FloatArray:
@@ -81,10 +83,10 @@ def effort_step_rows(data: SetData, minimum: float = 0.1) -> IntArray:
     return np.nonzero(np.diff(high.astype(np.int8), axis=0) == 1)[0] + 1
 
 
-def speed_levels(data: SetData, bands: int = 6) -> int:
-    """In how many of these bands of |speed| (up to full speed) a wheel stays for at least a second."""
+def speed_levels(data: SetData) -> int:
+    """In how many of the SPEED_BANDS of |speed| a wheel stays for at least a second."""
     speed = np.abs(relative_speed(data))
-    edges = np.linspace(0.0, 1.0, bands + 1)
+    edges = np.linspace(0.0, 1.0, SPEED_BANDS + 1)
     edges[0], edges[-1] = REST_SPEED_SHARE, np.inf
     return sum(seconds(data, (speed >= low) & (speed < high)) >= 1.0 for low, high in pairwise(edges))
 
@@ -98,9 +100,3 @@ def turns(data: SetData) -> float:
 def both_driven(data: SetData) -> float:
     """Time for which both wheels are driven, s."""
     return seconds(data, np.asarray((np.abs(data.effort) > 0.05).all(axis=1)))
-
-
-def one_driven(data: SetData) -> float:
-    """Time for which one wheel alone is driven, s."""
-    driven = np.abs(data.effort) > 0.05
-    return seconds(data, np.asarray(driven.any(axis=1) & ~driven.all(axis=1)))

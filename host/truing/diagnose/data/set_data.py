@@ -194,7 +194,6 @@ class SetData:
 
 def set_data(
     recordings: RecordingSet,
-    baseline: Baseline | None = None,
     *,
     commanded: bool = False,
     repeated: Sequence[BoolArray] | None = None,
@@ -203,7 +202,6 @@ def set_data(
 
     Parameters
     ----------
-    baseline : what the user's simulation knows; the set's own where None.
     repeated : per run (n, 2), rows that are no new measurement of a wheel (`recorder.repeated_rows`).
     commanded : the pose is compared with the commands, wheel speeds are not used.
 
@@ -212,7 +210,7 @@ def set_data(
     IdentifyError
         No baseline, no run, runs that give their speed in different ways, nothing but gaps.
     """
-    baseline = recordings.baseline if baseline is None else baseline
+    baseline = recordings.baseline
     if baseline is None:
         raise IdentifyError(
             f"{recordings.name}: there is no baseline to compare with", "Give --model a baseline.toml"

@@ -36,7 +36,6 @@ from truing.recording.writer import replace_file
 from truing.report.figures import Figure
 from truing.report.run_page import html_table, plotly_script, script_json
 
-MAX_RUNS_OPEN = 6
 MAX_SPANS = 12
 
 

@@ -23,7 +23,7 @@ from truing.diagnose.simulation.simulator import SetSimulator
 from truing.identify.levenberg import minimise
 from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
 from truing.recording.run import ODOMETRY_COLUMNS, RecordingSet, Run
-from truing.studies.mom_odometry import DESIRED, PAPER_MODEL, REAL, START, ErrorModel, Pose, advance, replay
+from truing.studies.mom_odometry import DESIRED, PAPER_MODEL, REAL, START, Pose, advance, replay
 
 EFFECT = "heading_drift"
 NAME = "MOM straight line"
@@ -36,28 +36,30 @@ WHEELBASE_M, FULL_SPEED_MPS = 0.4, 1.0
 REST_ROWS = 10
 # Printed digits: 0.1 mm, 0.001 degrees.
 PLACE_M, ANGLE_RAD = 1e-4, math.radians(1e-3)
+# Each of the paper's steps is integrated in so many parts.
+FINE_PARTS = 20
 
 
-def constants_runs(model: ErrorModel = PAPER_MODEL) -> RecordingSet:
-    """Lines and spins as an odometry records them whose robot errs as the model says."""
+def constants_runs() -> RecordingSet:
+    """Lines and spins as an odometry records them whose robot errs as the paper's model says."""
     length = START.distance_m(DESIRED)
     drives = [(f"line_{1000.0 * speed:.0f}_mmps", speed, 0.0, length / speed) for speed in SPEEDS_MPS]
     full_turn_s = 2.0 * math.pi / SPIN_RADPS
     drives += [("spin_left", 0.0, SPIN_RADPS, full_turn_s), ("spin_right", 0.0, -SPIN_RADPS, full_turn_s)]
     runs = [
-        _run(f"{number:02d}_{name}", v_mps, w_radps, seconds, model)
+        _run(f"{number:02d}_{name}", v_mps, w_radps, seconds)
         for number, (name, v_mps, w_radps, seconds) in enumerate(drives, start=1)
     ]
     return RecordingSet("MOM constants", tuple(runs), _baseline())
 
 
-def end_run(end: Pose = REAL) -> RecordingSet:
+def end_run() -> RecordingSet:
     """The commanded line with the pose at its two ends: all that is known of the real robot."""
-    run = _run("01_line", SPEEDS_MPS[1], 0.0, START.distance_m(DESIRED) / SPEEDS_MPS[1], PAPER_MODEL)
+    run = _run("01_line", SPEEDS_MPS[1], 0.0, START.distance_m(DESIRED) / SPEEDS_MPS[1])
     columns = dict(run.columns)
-    x, y = end.x_m - START.x_m, end.y_m - START.y_m
+    x, y = REAL.x_m - START.x_m, REAL.y_m - START.y_m
     facing = math.radians(START.theta_deg)
-    turn = math.radians(end.turn_deg(START))
+    turn = math.radians(REAL.turn_deg(START))
     last = (
         x * math.cos(facing) + y * math.sin(facing),
         y * math.cos(facing) - x * math.sin(facing),
@@ -146,14 +148,14 @@ def _baseline() -> Baseline:
     return Baseline(Path("baseline.toml"), wheel, wheel, robot, 1.0 / STEP_S)
 
 
-def _run(name: str, v_mps: float, w_radps: float, seconds: float, model: ErrorModel) -> Run:
+def _run(name: str, v_mps: float, w_radps: float, seconds: float) -> Run:
     driven = round(seconds / STEP_S)
     moving = np.zeros(driven + 2 * REST_ROWS)
     # Whole steps, the last of which ends the commanded distance.
     moving[REST_ROWS : REST_ROWS + driven] = seconds / (driven * STEP_S)
     speeds = np.stack([v_mps - 0.5 * WHEELBASE_M * w_radps, v_mps + 0.5 * WHEELBASE_M * w_radps])
     advances, turns = advance((speeds[0] * moving, speeds[1] * moving), WHEELBASE_M, STEP_S)
-    path = _fine_path(model, np.asarray(advances), np.asarray(turns))
+    path = _fine_path(np.asarray(advances), np.asarray(turns))
     left, right = _wheels(path)
     columns = {
         "t_s": STEP_S * np.arange(len(moving) + 1),
@@ -168,10 +170,10 @@ def _run(name: str, v_mps: float, w_radps: float, seconds: float, model: ErrorMo
     return Run(name, columns, order=tuple(columns))
 
 
-def _fine_path(model: ErrorModel, advances: FloatArray, turns: FloatArray, parts: int = 20) -> FloatArray:
+def _fine_path(advances: FloatArray, turns: FloatArray) -> FloatArray:
     """Poses after each step, shape (n + 1, 3); the paper's own steps are short ones."""
-    path = replay(model, Pose(0.0, 0.0, 0.0), *(np.repeat(each / parts, parts) for each in (advances, turns)))
-    return path[::parts]
+    fine = (np.repeat(each / FINE_PARTS, FINE_PARTS) for each in (advances, turns))
+    return replay(PAPER_MODEL, Pose(0.0, 0.0, 0.0), *fine)[::FINE_PARTS]
 
 
 def _wheels(path: FloatArray) -> Sequence[FloatArray]:

@@ -102,13 +102,13 @@ class PlainJudge:
         squares = [np.mean(self._squares(error, run, columns)) for run in self._runs(columns)]
         return float(np.sqrt(np.mean(squares)))
 
-    def drop(self, before: Unseen, after: Unseen, columns: Sequence[int], seed: int = 1) -> Drop:
+    def drop(self, before: Unseen, after: Unseen, columns: Sequence[int]) -> Drop:
         """How the unseen error changes, with intervals.
 
         Blocks of two seconds are drawn with replacement within each run (a moving state makes errors
         follow one another), the same blocks for both errors.
         """
-        draw = np.random.default_rng(seed)
+        draw = np.random.default_rng(1)
         totals = np.zeros((2, DRAWS))
         runs = self._runs(columns)
         for run in runs:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hmac
 import ipaddress
 import secrets
-from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from collections.abc import Awaitable, Callable, MutableMapping
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from typing import Any, TypeAlias
@@ -74,14 +74,14 @@ class Access:
         )
 
 
-def access_for(host: str, port: int, more_names: Iterable[str] = ()) -> Access:
+def access_for(host: str, port: int) -> Access:
     """The rules for a server that listens at `host`.
 
     On the loopback address every local client is allowed; on any other a random token is required.
     """
     if is_loopback(host):
         return Access(frozenset(f"{name}:{port}" for name in (*_LOOPBACK_NAMES, host.lower())))
-    names = () if host in ("0.0.0.0", "::") else (host.lower(), *more_names)
+    names = () if host in ("0.0.0.0", "::") else (host.lower(),)
     return Access(frozenset(f"{name}:{port}" for name in names), secrets.token_urlsafe(18))
 
 

@@ -117,7 +117,6 @@ def compare(
     plan: Plan | None,
     model: ModelChoice | None = None,
     start: Pose | None = None,
-    wheelbase_m: float | None = None,
     set_runs: Callable[[], Sequence[Run]] = tuple,
 ) -> Comparison:
     """Compare a run with its simulations, all starting at the pose `start`.
@@ -132,7 +131,7 @@ def compare(
     """
     start = start or Pose()
     notes: list[str] = []
-    width = baseline.wheelbase_m if baseline is not None and baseline.wheelbase_m else wheelbase_m
+    width = None if baseline is None else baseline.wheelbase_m or None
     real = _real(run, baseline, start, width, notes)
     cycles = None
     desired = None

@@ -36,12 +36,10 @@ def replay_path(model: ErrorModel, start: Pose, advances_m: FloatArray, turns_ra
     return replay(model, first, advances_m, turns_rad)
 
 
-def replay_cycles(
-    model: ErrorModel, start: Pose, cycles: Sequence[Cycle], limit: int = 400
-) -> list[list[float]]:
+def replay_cycles(model: ErrorModel, start: Pose, cycles: Sequence[Cycle]) -> list[list[float]]:
     """The path of control inputs under a model, as points x, y, theta for display."""
     _, advances, turns = steps_of(cycles)
-    return thinned(replay_path(model, start, advances, turns), limit)
+    return thinned(replay_path(model, start, advances, turns))
 
 
 def thinned(path: FloatArray, limit: int = 400) -> list[list[float]]:

@@ -26,7 +26,7 @@ class TopView(Element, component=STATIC / "top_view.js"):
     mode : `live` (the robot), `world` (editing), `model` (the model robot), `paths` (paths only).
     """
 
-    def __init__(self, label: str, mode: str, *, scale: int = 100, fitted: bool = False) -> None:
+    def __init__(self, label: str, mode: str, *, fitted: bool = False) -> None:
         super().__init__()
         for name, value in {
             "label": label,
@@ -37,7 +37,7 @@ class TopView(Element, component=STATIC / "top_view.js"):
             "grid": "none",
             "odometry": False,
             "brush": 0.1,
-            "scale": scale,
+            "scale": 100,
             "paths": [],
             "nodes": [],
             "pose": None,

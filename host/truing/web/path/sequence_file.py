@@ -11,10 +11,12 @@ from truing.plan import MAX_SEGMENTS, Kind, Plan, Segment, load_plan
 from truing.recording.writer import replace_file
 from truing.web.path.trajectory import Cycle
 
+# Of the plans that are drawn.
+LOG_RATE_HZ = 20
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,60}")
 
 
-def plan_of(name: str, cycles: Sequence[Cycle], *, title: str = "", log_rate_hz: int = 20) -> Plan:
+def plan_of(name: str, cycles: Sequence[Cycle]) -> Plan:
     """The plan of these control inputs; consecutive equal ones become one segment.
 
     Raises
@@ -35,7 +37,7 @@ def plan_of(name: str, cycles: Sequence[Cycle], *, title: str = "", log_rate_hz:
             f"the trajectory has {len(segments)} different control inputs; a board holds {MAX_SEGMENTS}",
             "undo a part of it, or draw it with lines and arcs",
         )
-    return Plan(name, title or f"{name}: drawn in the view", tuple(segments), log_rate_hz)
+    return Plan(name, f"{name}: drawn in the view", tuple(segments), LOG_RATE_HZ)
 
 
 def cycles_of_plan(plan: Plan, wheelbase_m: float) -> list[Cycle]:

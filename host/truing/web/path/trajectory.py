@@ -10,7 +10,9 @@ from dataclasses import dataclass, field
 from truing.web.limits import CYCLE_S, Limits
 from truing.web.pose import Pose
 
-FORWARD, BACK, LEFT, RIGHT, FASTER, SLOWER = KEYS = ("forward", "back", "left", "right", "faster", "slower")
+KEYS = ("forward", "back", "left", "right", "faster", "slower")
+FORWARD, BACK, LEFT, RIGHT = KEYS[:4]
+_UNDONE_CYCLES = 10
 # Resolution of a drawn path: a quarter of a cycle is at most 2 cm, 2 pixels at the default scale.
 _POINTS_PER_CYCLE = 4
 
@@ -67,9 +69,9 @@ class KeyTrajectory:
         while self.cycles and (self.cycles[-1].v_mps or self.cycles[-1].omega_radps):
             self._append((0.0, 0.0))
 
-    def undo(self, cycles: int = 10) -> None:
+    def undo(self) -> None:
         """Remove the last cycles."""
-        del self.cycles[max(0, len(self.cycles) - cycles) :]
+        del self.cycles[-_UNDONE_CYCLES:]
         self.pose = poses(self.start, self.cycles)[-1]
         self.limited_by = ()
 

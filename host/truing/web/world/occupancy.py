@@ -41,12 +41,10 @@ class OccupancyGrid:
         self.log_odds: FloatArray = np.zeros((rows, columns))
         self.resolution_m = resolution_m
         self.origin_m = origin_m
-        self.scans = 0
 
     def clear(self) -> None:
         """Set every cell to unknown."""
         self.log_odds[:] = 0.0
-        self.scans = 0
 
     def add(self, sensor: RangeSensor, pose: Pose, distances_m: FloatArray) -> None:
         """Add a scan taken at `pose`; beams without a return mark their whole length as free."""
@@ -60,7 +58,6 @@ class OccupancyGrid:
             ranges + sensor.mount_m,
             ~np.isnan(distances_m),
         )
-        self.scans += 1
 
     def pixels(self) -> ByteArray:
         """Pixels for a map file: OCCUPIED, UNKNOWN and FREE, row 0 lowest in y."""

@@ -69,12 +69,10 @@ class WorldMap:
             self._paint_line(a, b, 0.5 * width_m, value)
         self.version += 1
 
-    def paint_room(
-        self, a: tuple[float, float], b: tuple[float, float], width_m: float, value: bool = True
-    ) -> None:
+    def paint_room(self, a: tuple[float, float], b: tuple[float, float], width_m: float) -> None:
         """Four walls between two opposite corners."""
         (x0, y0), (x1, y1) = a, b
-        self.paint_stroke([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)], width_m, value)
+        self.paint_stroke([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)], width_m, True)
 
     def clear(self) -> None:
         """Remove every obstacle."""
