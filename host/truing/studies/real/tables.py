@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from truing.diagnose.present.text import alternatives, effect_title
 from truing.diagnose.result import Diagnosis, NamedEffect
 from truing.identify.tables import PlainTable
+from truing.studies.real.comparison import SetComparison
+from truing.studies.real.comparison_tables import comparison_tables, where_peers_are_better
 from truing.studies.real.plain_fit import Drop
 from truing.studies.real.study import (
     FRICTION,
@@ -34,11 +36,13 @@ class RealStudy:
     emps: EmpsStudy | None = None
     mrclam: CommandedStudy | None = None
     drift: DriftStudy | None = None
+    comparisons: tuple[SetComparison, ...] = ()
 
 
 def tables(study: RealStudy) -> list[PlainTable]:
     """Every table that has rows."""
     made = [
+        *comparison_tables(study.comparisons),
         _verdicts(study),
         _steps(study.sets),
         _emps(study.emps),
@@ -371,6 +375,9 @@ def markdown(study: RealStudy) -> str:
         ]
         lines += [_row(row) for row, _ in table.grouped()]
         lines += ["", *(f"{remark}  " for remark in table.remarks)]
+    better = where_peers_are_better(study.comparisons)
+    if better:
+        lines += ["", "## Where another method is better", "", *(f"- {line}" for line in better)]
     lines += ["", "## What could not be decided", "", *(f"- {line}" for line in undecided(study))]
     return "\n".join(lines).rstrip() + "\n"
 
