@@ -177,19 +177,13 @@ def _has_steps(folder: Path) -> bool:
 
 
 def _identify(app: App, recordings: RecordingSet, out: Path, written: list[Path]) -> Identification:
-    from truing.identify.data_checks import summarise
+    from truing.cli.identify import show
     from truing.identify.identification import identify_set
-    from truing.identify.tables import result_tables, unstepped
     from truing.report.identification_files import save_identification
 
     with app.progress("identifying") as progress:
         result = identify_set(recordings, progress)
-    for line in summarise(result.findings):
-        app.say(f"! {line}")
-    for table in result_tables(result):
-        app.show(table.to_rich())
-    for line in unstepped(result):
-        app.say(line)
+    show(app, result)
     with app.progress("drawing") as progress:
         written += save_identification(recordings, result, out, progress)
     return result

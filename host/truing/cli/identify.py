@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from truing.cli.app import App
 from truing.cli.options import json_option
+
+if TYPE_CHECKING:
+    from truing.identify.identification import Identification
 
 
 @click.command()
@@ -38,24 +42,30 @@ def command(app: App, runs: Path, model: Path | None, out: Path | None) -> None:
       truing identify my_robot/runs/01_step.csv --json
       truing identify sysid_data.json
     """
-    from truing.identify.data_checks import summarise
     from truing.identify.identification import identify_set
-    from truing.identify.tables import result_tables, unstepped
     from truing.importers import read_runs
 
     recordings = read_runs(runs, model)
     with app.progress("identifying") as progress:
         result = identify_set(recordings, progress)
     app.emit(result.to_json())
-    for line in summarise(result.findings):
-        app.say(f"! {line}")
-    for table in result_tables(result):
-        app.show(table.to_rich())
-    for line in unstepped(result):
-        app.say(line)
+    show(app, result)
     if out is not None:
         from truing.report.identification_files import save_identification
 
         with app.progress("drawing") as progress:
             for path in save_identification(recordings, result, out, progress):
                 app.say(f"written: {path}")
+
+
+def show(app: App, result: Identification) -> None:
+    """Print findings and tables."""
+    from truing.identify.data_checks import summarise
+    from truing.identify.tables import result_tables, unstepped
+
+    for line in summarise(result.findings):
+        app.say(f"! {line}")
+    for table in result_tables(result):
+        app.show(table.to_rich())
+    for line in unstepped(result):
+        app.say(line)

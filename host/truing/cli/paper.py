@@ -189,8 +189,16 @@ _OUT_OPTION = click.option(
 )
 
 
-def _save(out: Path | None, name: str, tables: Sequence[PlainTable], draw: Draw) -> list[str]:
-    """Write the picture and the tables; returns where."""
+def _publish(
+    app: App,
+    out: Path | None,
+    name: str,
+    figures: dict[str, Any],
+    tables: Sequence[PlainTable],
+    sentences: Sequence[str],
+    draw: Draw,
+) -> None:
+    """Write the picture and the tables, and print a study."""
     from truing.recording.writer import replace_file
     from truing.report.png import save_table
     from truing.workspace import out_folder
@@ -201,7 +209,10 @@ def _save(out: Path | None, name: str, tables: Sequence[PlainTable], draw: Draw)
         path = folder / (f"{name}.csv" if number == 1 else f"{name}_{number}.csv")
         replace_file(path, table.to_csv().encode("utf-8"))
         written += [path, save_table(table, path.with_name(f"{path.stem}_table.png"))]
-    return [str(path) for path in written]
+    app.emit(figures | {"written": [str(path) for path in written]})
+    show(app, tables, sentences)
+    for path in written:
+        app.say(f"written: {path}")
 
 
 @command.command()
@@ -221,12 +232,10 @@ def gains(app: App, out: Path | None) -> None:
     from truing.studies.tables import gain_sentences, gain_tables
 
     study = study_gains()
-    tables = gain_tables(study)
-    written = _save(out, "gains", tables, lambda path: save_gains(study, path))
-    app.emit(study.to_json() | {"written": written})
-    show(app, tables, gain_sentences(study))
-    for path in written:
-        app.say(f"written: {path}")
+    _publish(
+        app, out, "gains", study.to_json(), gain_tables(study), gain_sentences(study),
+        lambda path: save_gains(study, path),
+    )
 
 
 @command.command()
@@ -244,12 +253,10 @@ def mom(app: App, out: Path | None) -> None:
     from truing.studies.tables import mom_sentences, mom_tables
 
     study = study_mom()
-    tables = mom_tables(study)
-    written = _save(out, "mom", tables, lambda path: save_mom(study, path))
-    app.emit(study.to_json() | {"written": written})
-    show(app, tables, mom_sentences(study))
-    for path in written:
-        app.say(f"written: {path}")
+    _publish(
+        app, out, "mom", study.to_json(), mom_tables(study), mom_sentences(study),
+        lambda path: save_mom(study, path),
+    )
 
 
 @command.command()
@@ -283,12 +290,10 @@ def models(app: App, runs: Path | None, out: Path | None) -> None:
     recordings = read_recording_set(folder)
     with app.progress("fitting") as progress:
         study = study_models(recordings, progress)
-    tables = model_tables(study)
-    written = _save(out, "models", tables, lambda path: save_models(study, path))
-    app.emit(study.to_json() | {"written": written})
-    show(app, tables, model_sentences(study))
-    for path in written:
-        app.say(f"written: {path}")
+    _publish(
+        app, out, "models", study.to_json(), model_tables(study), model_sentences(study),
+        lambda path: save_models(study, path),
+    )
 
 
 def _table_iii(levels: Sequence[LevelComparison], endings: Endings) -> Table:

@@ -31,7 +31,7 @@ from dataclasses import dataclass
 from truing.errors import TruingError
 from truing.model.robot_model import RobotModel
 
-from .terms import REFERENCE_MASS_KG, ExportOptions, wheels
+from .terms import REFERENCE_MASS_KG, ExportOptions, headline, left_out, wheels
 
 # The wheel's own share of J where a format separates the body's inertia from the joint's.
 WHEEL_SHARE = 0.1
@@ -89,4 +89,14 @@ def remarks(model: RobotModel, options: ExportOptions) -> tuple[str, ...]:
         f"inertia per axle is {inertia:.6g} kg m^2, {source}: torques scale with it, speeds do not change",
         f"that is half of a robot of {mass:.4g} kg whose body stands still; where a simulator moves a mass m "
         "on a floor, take m r^2 / 2 off the axle",
+    )
+
+
+def joint_notes(model: RobotModel, options: ExportOptions, holds: frozenset[str]) -> tuple[str, ...]:
+    """What a file of joints says at its top."""
+    return (
+        headline(model),
+        "joint torque = effort (-1..1) times the joint's effort limit",
+        *remarks(model, options),
+        *left_out(model, holds),
     )

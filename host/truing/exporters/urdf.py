@@ -11,8 +11,9 @@ from xml.etree import ElementTree as Xml
 
 from truing.model.robot_model import RobotModel
 
-from .joint import joints, remarks
-from .terms import DEFAULTS, ExportOptions, headline, left_out
+from .joint import joint_notes, joints
+from .joint import remarks as remarks
+from .terms import DEFAULTS, ExportOptions
 from .xml_file import child, number, numbers, write_xml
 
 KIND = "urdf"
@@ -43,13 +44,7 @@ def write(model: RobotModel, path: Path, options: ExportOptions = DEFAULTS) -> t
         child(element, "axis", xyz="0 1 0")
         child(element, "limit", effort=number(joint.torque_nm), velocity=number(joint.top_radps))
         child(element, "dynamics", damping=number(joint.damping_nms), friction=number(joint.friction_nm))
-    notes = (
-        headline(model),
-        "joint torque = effort (-1..1) times the joint's effort limit",
-        *remarks(model, options),
-        *left_out(model, HOLDS),
-    )
-    write_xml(root, path, notes)
+    write_xml(root, path, joint_notes(model, options, HOLDS))
     return (path,)
 
 

@@ -24,6 +24,7 @@ import numpy as np
 from truing.diagnose.data import exercise
 from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
+from truing.diagnose.simulation.jit import compiled
 
 
 def measure(
@@ -38,9 +39,7 @@ def measure(
 ) -> float:
     """Reported travel of a row: the true one and the change of the error."""
     here, before = angle - per_run * origin, angle_before - per_run * origin
-    error = own_sine * (math.sin(here) - math.sin(before))
-    error += own_cosine * (math.cos(here) - math.cos(before))
-    return increment + radius * error
+    return increment + radius * _change(own_sine, own_cosine, here, before)
 
 
 def ground(
@@ -55,9 +54,14 @@ def ground(
 ) -> float:
     """The wheel's true travel from the measured one."""
     here, before = angle - per_run * origin, angle_before - per_run * origin
-    error = own_sine * (math.sin(here) - math.sin(before))
-    error += own_cosine * (math.cos(here) - math.cos(before))
-    return increment - radius * error
+    return increment - radius * _change(own_sine, own_cosine, here, before)
+
+
+@compiled
+def _change(sine: float, cosine: float, angle: float, angle_before: float) -> float:
+    """Change of the angle's error over a row, rad."""
+    error = sine * (math.sin(angle) - math.sin(angle_before))
+    return error + cosine * (math.cos(angle) - math.cos(angle_before))
 
 
 def _report(values: Mapping[str, float]) -> dict[str, float]:

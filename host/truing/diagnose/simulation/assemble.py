@@ -114,7 +114,7 @@ class _Writer:
             names = {item: item for item in stage.context}
             if stage.combine == "chain":
                 names[stage.context[0]] = "value"
-            call = self._call(name, entry, hook, names)
+            call = self._call(name, hook, names)
             combined = {
                 "sum": f"value += {call}",
                 "product": f"value *= {call}",
@@ -122,35 +122,31 @@ class _Writer:
                 "largest": f"value = max(value, {call})",
                 "chain": f"value = {call}",
             }[stage.combine]
-            lines += [f"    if active & {1 << self.bit[name]}:", f"        {combined}"]
+            lines += self._if_active(name, combined)
         return [*lines, "    return value"]
 
     def _slow_states(self) -> list[str]:
-        lines = [
-            "@compiled",
-            "def slow_states(p, active, dt, heat, draw, elapsed, slows):",
-            "    pass",
-        ]
+        lines = ["@compiled", "def slow_states(p, active, dt, heat, draw, elapsed, slows):", "    pass"]
         for name, slot in self.slow_slot.items():
-            names = {item: item for item in SLOW_CONTEXT} | {"out": f"slows[{slot}]"}
-            call = self._call(name, self.entries[name], "slow", names)
-            lines += [f"    if active & {1 << self.bit[name]}:", f"        {call}"]
+            call = self._call(name, "slow", {item: item for item in SLOW_CONTEXT} | {"out": f"slows[{slot}]"})
+            lines += self._if_active(name, call)
         return lines
 
     def _after_step(self) -> list[str]:
-        lines = [
-            "@compiled",
-            "def after_step(p, active, wheel, states, h, speed_start, speed_end, travel):",
-            "    pass",
-        ]
+        signature = "p, active, wheel, states, h, speed_start, speed_end, travel"
+        lines = ["@compiled", f"def after_step({signature}):", "    pass"]
         for name, slot in self.state_slot.items():
-            names = {item: item for item in STATE_CONTEXT} | {"state": f"states[{slot}, wheel]"}
-            call = self._call(name, self.entries[name], "after_step", names)
-            lines += [f"    if active & {1 << self.bit[name]}:", f"        states[{slot}, wheel] = {call}"]
+            state = f"states[{slot}, wheel]"
+            call = self._call(name, "after_step", {item: item for item in STATE_CONTEXT} | {"state": state})
+            lines += self._if_active(name, f"{state} = {call}")
         return lines
 
-    def _call(self, name: str, entry: Entry, hook: str, context: dict[str, str]) -> str:
+    def _if_active(self, name: str, statement: str) -> list[str]:
+        return [f"    if active & {1 << self.bit[name]}:", f"        {statement}"]
+
+    def _call(self, name: str, hook: str, context: dict[str, str]) -> str:
         """The call of one hook, each argument found by its name."""
+        entry = self.entries[name]
         offset = self.offsets[name]
         index = {item.name: offset + k for k, item in enumerate(entry.effect.parameters)}
         if name in self.slow_slot:

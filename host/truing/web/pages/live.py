@@ -59,6 +59,11 @@ def instruments() -> None:
                     tag("span", data_live_bar=f"effort-{side}")
     StripChart()
     drive_panel()
+    pose_facts()
+
+
+def pose_facts() -> None:
+    """The robot's pose and how well it is known."""
     with tag("div"):
         heading("Pose")
         facts(

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from truing.web.pages.components import LiveKeys, Scene3D
-from truing.web.pages.elements import Choice, Toggle, heading, tag
-from truing.web.pages.live import drive_panel, facts, faults_and_task
+from truing.web.pages.elements import Choice, Toggle, tag
+from truing.web.pages.live import drive_panel, faults_and_task, pose_facts
 
 _CAMERAS = {"orbit": "Orbit", "follow": "Follow", "top": "Top"}
 
@@ -19,16 +19,7 @@ def build() -> None:
                 Toggle("Laser", True, lambda on: scene.set(sensors=on))
         with tag("section", classes="side", aria_label="Drive"):
             drive_panel()
-            with tag("div"):
-                heading("Pose")
-                facts(
-                    ("x", "x, m"),
-                    ("theta", "heading, °"),
-                    ("y", "y, m"),
-                    ("forward", "speed, m/s"),
-                    ("odometry-error", "odometry error, mm"),
-                    ("frame-rate", "frame rate"),
-                )
+            pose_facts()
             faults_and_task()
             tag(
                 "p",
