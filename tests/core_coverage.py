@@ -11,7 +11,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 CORE = ROOT / "firmware" / "core"
-LEAST_LINES, LEAST_BRANCHES = 95.0, 90.0
+MIN_LINES, MIN_BRANCHES = 95.0, 90.0
 
 
 class Source:
@@ -71,10 +71,10 @@ def main() -> int:
         print(f"{name:28} {shares}  {missed(source)}".rstrip())
     lines, branches = 100.0 * total[0] / total[1], 100.0 * total[2] / total[3]
     print(
-        f"lines {lines:.1f} % ({total[0]} of {total[1]}, at least {LEAST_LINES:.0f} %), "
-        f"branches {branches:.1f} % ({total[2]} of {total[3]}, at least {LEAST_BRANCHES:.0f} %)"
+        f"lines {lines:.1f} % ({total[0]} of {total[1]}, at least {MIN_LINES:.0f} %), "
+        f"branches {branches:.1f} % ({total[2]} of {total[3]}, at least {MIN_BRANCHES:.0f} %)"
     )
-    return 0 if lines >= LEAST_LINES and branches >= LEAST_BRANCHES else 1
+    return 0 if lines >= MIN_LINES and branches >= MIN_BRANCHES else 1
 
 
 if __name__ == "__main__":

@@ -58,7 +58,7 @@ static void roll(double effort, double pushed_by)
     place_m += 0.001 * speed_mps;
 }
 
-static void look(double effort, double other_effort, int direction)
+static void observe(double effort, double other_effort, int direction)
 {
     const int16_t efforts_e4[HAL_WHEELS] = {(int16_t)lround(effort * 1e4),
                                             (int16_t)lround(other_effort * 1e4)};
@@ -76,7 +76,7 @@ static int reversed_after(double effort, double other_effort, double pushed_by, 
 {
     for (int ms = 1; ms <= limit_ms; ms++) {
         roll(effort, pushed_by);
-        look(effort, other_effort, direction);
+        observe(effort, other_effort, direction);
         if (watch.reversed) {
             return ms;
         }
@@ -122,7 +122,7 @@ static void a_wheel_that_rolls_back_when_the_push_begins_is_not_called_reversed(
                 start(counts_per_m[fine], -0.001 * mmps);
                 for (int ms = 0; ms < 400; ms++) { /* as fast as that, whatever holds it there */
                     place_m += 0.001 * speed_mps;
-                    look(0.0, 0.0, 1);
+                    observe(0.0, 0.0, 1);
                 }
                 const int ms = reversed_after(0.01 * percent, 0.0, -slope, 1, 500);
                 TEST_ASSERT_EQUAL_INT_MESSAGE(-1, ms, "rolling back");

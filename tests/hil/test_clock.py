@@ -35,21 +35,21 @@ CASES = [(ppm, seed) for ppm in (37.0, -80.0) for seed in (1, 2, 3)]
 
 
 class JitteryStream(FaultyStream):
-    """Every request leaves late and every answer is seen late, by up to `most_s`."""
+    """Every request leaves late and every answer is seen late, by up to `max_delay_s`."""
 
-    def __init__(self, inner: VirtualStream, most_s: float, seed: int) -> None:
+    def __init__(self, inner: VirtualStream, max_delay_s: float, seed: int) -> None:
         super().__init__(inner)
-        self._most_s = most_s
+        self._max_delay_s = max_delay_s
         self._late = random.Random(seed)
 
     def write(self, data: bytes) -> None:
-        self.sleep(self._late.uniform(0, self._most_s))
+        self.sleep(self._late.uniform(0, self._max_delay_s))
         super().write(data)
 
     def read(self, timeout_s: float) -> bytes:
         data = super().read(timeout_s)
         if data:
-            self.sleep(self._late.uniform(0, self._most_s))
+            self.sleep(self._late.uniform(0, self._max_delay_s))
         return data
 
 
@@ -72,11 +72,11 @@ def board_with(image: Path, ppm: float, seed: int) -> VirtualRobot:
     return robot
 
 
-def check(relations: list[tuple[float, ClockRelation]], most_half_ppm: float) -> None:
+def check(relations: list[tuple[float, ClockRelation]], max_half_ppm: float) -> None:
     """19 of 20 are due inside; of six, two outside come once in thirty, three once in five hundred."""
     for ppm, relation in relations:
         print(f"{ppm:+.0f} ppm: {relation.drift_ppm:+.3f} +- {half_width(relation):.3f}")
-        assert half_width(relation) < most_half_ppm
+        assert half_width(relation) < max_half_ppm
         assert abs(relation.drift_ppm - ppm) < 2 * half_width(relation)
     inside = sum(r.drift_ci95_ppm[0] <= ppm <= r.drift_ci95_ppm[1] for ppm, r in relations)
     assert inside >= len(relations) - 2

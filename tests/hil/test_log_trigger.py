@@ -15,7 +15,7 @@ from support.chain import Chain
 from support.served_board import ServedBoard
 from truing.board.device import Device
 from truing.board.drive import drive
-from truing.board.log_trigger import SIGNALS, most_s
+from truing.board.log_trigger import SIGNALS, max_span_s
 from truing.board.run_saver import FetchedLog, fetch_log, run_of, save_run
 from truing.board.signal_stream import SIGNALS as STREAMED
 from truing.errors import Refused, TruingError
@@ -211,12 +211,12 @@ def test_armed_beside_a_stream_no_record_is_lost_and_no_sample_and_no_tick_is_la
     with Chain(image) as chain:
         device = chain.host()
         device.set_parameter("log_rate_hz", 200)
-        most = int(most_s(device.info.log_bytes, 200))
+        longest_s = int(max_span_s(device.info.log_bytes, 200))
         chain.stream.sleep(0.3)
-        device.arm_log("threshold", signal="speed_left", above=0.7, before_s=most - 1.0, after_s=1.0)
+        device.arm_log("threshold", signal="speed_left", above=0.7, before_s=longest_s - 1.0, after_s=1.0)
         with device.stream(list(STREAMED), 200) as stream:
             taken = []
-            for left, seconds in ((0.35, most + 5.0), (0.7, 3.0)):
+            for left, seconds in ((0.35, longest_s + 5.0), (0.7, 3.0)):
                 until = chain.stream.now_s() + seconds
                 while chain.stream.now_s() < until:
                     device.set_effort(left, 0.3)
@@ -235,7 +235,7 @@ def test_armed_beside_a_stream_no_record_is_lost_and_no_sample_and_no_tick_is_la
     assert faults == ()
     assert stream.lost == 0
     assert set(np.diff(t_ms)[:-1]) == {5}
-    assert kept_s >= most - 1.0
+    assert kept_s >= longest_s - 1.0
     assert t_ms[-1] / 1000 >= (trigger.fired_t_s or 0.0) + 1.0
     assert worst < 10_000  # the budget, firmware/BUDGETS.md
 

@@ -79,7 +79,7 @@ def test_the_offset_always_lies_in_bounds_as_wide_as_a_few_quick_trips(line: str
         assert low <= 37.0 <= high
 
 
-def test_a_clock_that_ticks_in_milliseconds_costs_width_and_not_honesty() -> None:
+def test_a_clock_that_ticks_in_milliseconds_widens_the_interval_and_keeps_its_coverage() -> None:
     inside, widths = 0, []
     for seed in range(SEEDS):
         relation = relate(measured("a bare serial line", -80.0, seed, step_s=1e-3), resolution_s=1e-3)

@@ -1,4 +1,4 @@
-"""The first-order fit: free-run, exact, honest about its intervals, on even, uneven and broken time."""
+"""The first-order fit: free-run, exact, with intervals that cover, on even, uneven and broken time."""
 
 from __future__ import annotations
 
@@ -82,9 +82,9 @@ def test_the_simulation_never_looks_at_measured_speeds_after_the_first() -> None
     run = FirstOrderRobot().drive(TEST_XI, columns=("vel",))
     later = np.where(run.t_s > 0.0, np.sin(run.t_s), 0.0)
     columns = run.columns | {"vel_left_mps": run.columns["vel_left_mps"] + later}
-    honest = WheelData([run], "left", None).simulate(1.45, 0.3)
+    undisturbed = WheelData([run], "left", None).simulate(1.45, 0.3)
     disturbed = WheelData([replace(run, columns=columns)], "left", None).simulate(1.45, 0.3)
-    assert np.array_equal(disturbed, honest)
+    assert np.array_equal(disturbed, undisturbed)
 
 
 def test_the_simulation_equals_a_plain_loop() -> None:

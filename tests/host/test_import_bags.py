@@ -144,7 +144,7 @@ def test_a_bag_without_commands_says_what_it_has(tmp_path: Path) -> None:
         import_file(path, OPTIONS)
 
 
-def test_joints_without_sides_and_topics_in_doubt_are_named(tmp_path: Path) -> None:
+def test_joints_without_sides_and_ambiguous_topics_are_named(tmp_path: Path) -> None:
     for folder, names, topics, says in (
         ("a", ["arm", "hand"], ["/cmd_vel"], "no joint whose name holds 'left'; it has: arm, hand"),
         (

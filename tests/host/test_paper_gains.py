@@ -95,7 +95,7 @@ def test_no_model_without_memory_can_tell_the_two_straight_readings_at_fifteen_a
     _, worst = study.static_floor
     for fit in study.ladder[:4]:
         assert fit.worst >= worst
-    # The least relative error of one number for 12.131 and 13.338, weighted as the fit weighs them.
+    # The smallest relative error of one number for 12.131 and 13.338, weighted as the fit weighs them.
     assert worst == pytest.approx(12.6774 / 12.131 - 1.0, abs=0.006)
 
 

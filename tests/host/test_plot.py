@@ -18,7 +18,7 @@ from truing.identify.identification import identify_set
 from truing.recording.baseline import Baseline
 from truing.recording.run import RecordingSet, Run, RunMetadata
 from truing.recording.writer import write_run
-from truing.report.figures import MOST_POINTS, run_figures, thin
+from truing.report.figures import MAX_POINTS, run_figures, thin
 from truing.report.plot import path_window, render_png
 from truing.report.run_page import render_report, whole_fits
 from truing.report.run_view import integrate_path, view_run
@@ -215,7 +215,7 @@ def test_a_long_run_is_thinned_and_keeps_its_peaks() -> None:
     values[77_777] = 9.0
     values[5_555] = np.nan
     rows = thin(values)
-    assert rows.size <= MOST_POINTS + 10
+    assert rows.size <= MAX_POINTS + 10
     assert np.nanmax(values[rows]) == 9.0
     assert np.isnan(values[rows]).any()
     assert rows[0] == 0

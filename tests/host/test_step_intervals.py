@@ -46,17 +46,17 @@ class Noise:
     count_m: float = 0.0
 
 
-def made_run(noise: Noise, seed: int, *, dead_s: float = 0.0, swing: float = 0.0) -> Run:
-    """A run of test XI's levels; `swing` adds an excursion of that share of each step."""
+def made_run(noise: Noise, seed: int, *, dead_s: float = 0.0, overshoot: float = 0.0) -> Run:
+    """A run of test XI's levels; `overshoot` adds an excursion of that share of each step."""
     t = INTERVAL_S * np.arange(round((1.0 + 2.0 * (len(LEVELS) - 1)) / INTERVAL_S) + 1)
     rng = np.random.default_rng(seed)
     travel = first_order(t, dead_s)
     speed = np.diff(travel, prepend=0.0) / INTERVAL_S
-    if swing:
+    if overshoot:
         for number, (before, level) in enumerate(pairwise(LEVELS)):
             after = t - (1.0 + 2.0 * number)
             bump = np.where((after > 0.85) & (after < 1.0), 1.0, 0.0)
-            speed += swing * GAIN_MPS * (level - before) * bump
+            speed += overshoot * GAIN_MPS * (level - before) * bump
     shocks = rng.normal(0.0, noise.sigma_mps * np.sqrt(1 - noise.memory**2), len(t) + 200)
     slow = scipy.signal.lfilter([1.0], [1.0, -noise.memory], shocks)[200:]
     speed = speed + np.where(speed > 1e-3, slow, 0.0)
@@ -131,11 +131,11 @@ def test_intervals_hold_the_truth_nineteen_times_in_twenty(kind: str) -> None:
             assert np.mean(hits) >= 0.93, name
 
 
-def test_a_swing_is_found_with_its_size_and_its_absence_too() -> None:
+def test_an_overshoot_is_found_with_its_size_and_its_absence_too() -> None:
     noise = Noise(0.004, 0.4)
     inside, absent = [], []
     for seed in range(REPEATS):
-        for step in measured(noise, seed, swing=0.30):
+        for step in measured(noise, seed, overshoot=0.30):
             first = step.overshoot if step.direction == "up" else step.undershoot
             # The bump stands on a response that still has a little of its way to go.
             rest = np.exp(-(0.85 + INTERVAL_S) / TAU_S)
@@ -146,7 +146,7 @@ def test_a_swing_is_found_with_its_size_and_its_absence_too() -> None:
             first = step.overshoot if step.direction == "up" else step.undershoot
             if first.value is not None:
                 absent.append(first.value == 0.0)
-    print(f"swing held {np.mean(inside):.3f}, absence seen {np.mean(absent):.3f}")
+    print(f"overshoot held {np.mean(inside):.3f}, absence seen {np.mean(absent):.3f}")
     assert np.mean(inside) >= 0.93
     assert np.mean(absent) >= 0.93
 
@@ -167,7 +167,7 @@ def test_noise_that_remembers_widens_the_interval_of_a_mean() -> None:
     assert deviations[1] > 1.8 * deviations[0]
 
 
-def test_a_window_of_a_thousand_rows_is_as_quick_and_as_honest() -> None:
+def test_a_window_of_a_thousand_rows_is_as_quick_and_its_intervals_cover_as_often() -> None:
     rng = np.random.default_rng(4)
     shocks = [rng.normal(0.0, np.sqrt(0.19), 1200) for _ in range(20)]
     windows = [scipy.signal.lfilter([1.0], [1.0, -0.9], row)[200:] for row in shocks]

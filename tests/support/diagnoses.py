@@ -125,7 +125,7 @@ def missing_physics(**changes: object) -> Diagnosis:
         ),
         not_exercised=("current_limit",),
         confidence=0.98,
-        notes=("supply sag and winding heating cannot be told apart here",),
+        notes=("supply sag and winding heating cannot be distinguished here",),
         checks=(Check("few_runs", "one run only", "warning", "Record at least four runs"),),
         ranking=(
             RankedEffect(("coulomb_friction",), 120.0, 96.0, True, 0.012, 2),

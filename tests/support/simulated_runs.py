@@ -118,8 +118,8 @@ def fine(
             middle = force(t + 0.5 * step_s, v + 0.5 * step_s * slope * first, effort[row])
             after = v + step_s * slope * middle
             if dry is not None:
-                most = step_s * slope * dry(np.abs(v))
-                after = np.sign(after) * np.maximum(np.abs(after) - most, 0.0)
+                max_change = step_s * slope * dry(np.abs(v))
+                after = np.sign(after) * np.maximum(np.abs(after) - max_change, 0.0)
             travel += 0.5 * (v + after) * step_s
             v = after
             t += step_s

@@ -75,7 +75,7 @@ class SoakResult:
 
     @property
     def max_growth_mb(self) -> float:
-        """The growth of whatever grew most."""
+        """The largest growth of any part."""
         return max(self.growth_mb, self.helpers_growth_mb, self.page_growth_mb, self.driver_growth_mb)
 
 

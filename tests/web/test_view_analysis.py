@@ -40,11 +40,11 @@ def test_statistics_are_of_the_selection(baseline):
     run = straight_run(0.5)
     whole, part = show(run, baseline), show(run, baseline, span=(4.0, 6.0))
     assert whole["statistics"][0][1] == str(len(run))
-    name, rows, mean, _, least, most, slope = part["statistics"][1]
+    name, rows, mean, _, minimum, maximum, slope = part["statistics"][1]
     assert (name, rows) == ("x_m, m", "41")
     # 0.5 m/s, all but the last of the start-up's exponential gone.
     assert float(slope) == pytest.approx(0.5, abs=0.002)
-    assert float(least) < float(mean) < float(most)
+    assert float(minimum) < float(mean) < float(maximum)
     assert show(run, baseline, span=(90.0, 91.0))["statistics"][0][1] == "0"
 
 

@@ -12,7 +12,7 @@ from typing import Self
 
 from truing.board.connect import open_stream
 from truing.board.fault_record import FaultRecord
-from truing.board.log_trigger import LogTrigger, arm_request, most_s
+from truing.board.log_trigger import LogTrigger, arm_request, max_span_s
 from truing.board.signal_stream import SignalStream
 from truing.board.state import (
     BoardLog,
@@ -453,7 +453,7 @@ class Device:
             raise Refused(
                 refusal.request,
                 refusal.reason,
-                f"the board keeps at most {most_s(self.info.log_bytes, rate_hz):g} s before and after a "
+                f"the board keeps at most {max_span_s(self.info.log_bytes, rate_hz):g} s before and after a "
                 f"trigger together at {rate_hz:g} Hz, not {before_s + after_s:g} s",
                 "shorten the times, or lower log_rate_hz with `truing params set`",
             ) from None

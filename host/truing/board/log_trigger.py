@@ -123,7 +123,7 @@ def arm_request(
     )
 
 
-def most_s(memory_bytes: int, rate_hz: float) -> float:
+def max_span_s(memory_bytes: int, rate_hz: float) -> float:
     """Seconds before and after the trigger, together, that a board with so much log memory admits."""
     return memory_bytes // _RECORD_BYTES * 1000 // round(rate_hz) / 1000
 

@@ -26,7 +26,7 @@ from truing_protocol import (
     StreamStartRequest,
 )
 
-MOST_HZ = 200
+MAX_HZ = 200
 # What one step of the integer on the wire is, in the unit.
 STEPS: dict[Signal, tuple[float, str]] = {
     Signal.MODE: (1.0, ""),
@@ -78,8 +78,8 @@ class SignalStream:
         self.names = tuple(signals)
         self.rate_hz = rate_hz
         chosen = _chosen(self.names)
-        if not 1 <= rate_hz <= MOST_HZ:
-            raise TruingError(f"a stream of {rate_hz} Hz: it must be 1 to {MOST_HZ} Hz")
+        if not 1 <= rate_hz <= MAX_HZ:
+            raise TruingError(f"a stream of {rate_hz} Hz: it must be 1 to {MAX_HZ} Hz")
         if any(signal in _COMMANDS for signal in chosen):
             chosen.add(Signal.MODE)  # says what a command's unit is
         self._signals = sorted(chosen)

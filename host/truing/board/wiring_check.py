@@ -23,7 +23,7 @@ _BELOW_STALL = 0.95
 _SETTLE_S = 0.8
 # Shares of a turn: what a hand's turn must make, what a motor's must, and how well a hand meets one turn.
 _HAND_SHARE, _MOTOR_SHARE, _HAND_ERROR = 0.02, 0.01, 0.05
-_LEAST_COUNTS = 4
+_MIN_COUNTS = 4
 
 
 class Hand(Protocol):
@@ -92,13 +92,13 @@ def check_robot(device: Device, hand: Hand, say: Callable[[str], None] = lambda 
         before = device.status().counts
         hand.turn(side)
         moved = _moved(before, device.status().counts)
-        channel = _dominant(moved, max(_LEAST_COUNTS, _HAND_SHARE * per_turn))
+        channel = _dominant(moved, max(_MIN_COUNTS, _HAND_SHARE * per_turn))
         wheels.append(Wheel(channel, moved[channel] if channel is not None else 0))
         say(f"{SIDES[side]} wheel turned by hand: left encoder {moved[0]:+d}, right {moved[1]:+d} counts")
     limit = min(EFFORT_LIMIT, _BELOW_STALL * float(device.get_parameter("stall_effort").value))
     motors = []
     for side in range(2):
-        motor = _turn_by_motor(device, side, limit, max(_LEAST_COUNTS, _MOTOR_SHARE * per_turn))
+        motor = _turn_by_motor(device, side, limit, max(_MIN_COUNTS, _MOTOR_SHARE * per_turn))
         motors.append(motor)
         what = "no encoder counted"
         if motor.channel is not None:

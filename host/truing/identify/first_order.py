@@ -26,7 +26,7 @@ LARGEST_TIME_FACTOR = 4.0
 # The slopes of a first-order response are smooth on this share of its time constant.
 BLOCKS_PER_TIME_CONSTANT = 5
 # The largest effort must reach this for a gain to mean anything.
-LEAST_EFFORT = 0.005
+MIN_EFFORT = 0.005
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +188,7 @@ def fit_first_order(
         no_gain, no_time = Quantity.unknown("m/s", reason), Quantity.unknown("s", reason)
         return FirstOrderFit(wheel, label, names, no_gain, no_time, scale_mps=scale)
 
-    if float(np.abs(data.effort).max()) < LEAST_EFFORT:
+    if float(np.abs(data.effort).max()) < MIN_EFFORT:
         return unknown("the wheel is never driven")
     if not (data.speed != 0.0).any():
         return unknown("the wheel never moves, as far as its encoder says")

@@ -20,7 +20,7 @@ DRIVEN_EFFORT = 0.02
 # A run goes one way when this share of its effort has one sign.
 ONE_WAY_SHARE = 0.95
 # A ramp's time constant this much above the steps' is friction in disguise.
-DOUBT_FACTOR = 1.5
+SUSPECT_FACTOR = 1.5
 RAMP_NOTE = (
     "a ramp alone cannot tell lag from dry friction: without friction in it, gain and τ come out too high"
 )
@@ -113,7 +113,7 @@ def identify_set(recordings: RecordingSet, progress: Progress = ignore_progress)
         scale = speed_scale(recordings, wheel)
         fits.append(fit_first_order(members, wheel, recordings.baseline, label=label, scale_mps=scale))
         progress(0.3 + 0.7 * number / len(jobs))
-    return Identification(recordings.name, tuple(runs), _doubt_ramps(fits), check_set(recordings))
+    return Identification(recordings.name, tuple(runs), _mark_uncertain_ramps(fits), check_set(recordings))
 
 
 def speed_scale(recordings: RecordingSet, wheel: Wheel) -> float:
@@ -150,7 +150,7 @@ def _fit_jobs(
     return jobs
 
 
-def _doubt_ramps(fits: list[FirstOrderFit]) -> tuple[FirstOrderFit, ...]:
+def _mark_uncertain_ramps(fits: list[FirstOrderFit]) -> tuple[FirstOrderFit, ...]:
     """Mark fits to ramps whose time constants contradict those of the steps, or are not to be had.
 
     On a slow ramp dry friction looks like lag (both put the speed behind the effort by a constant),
@@ -160,15 +160,15 @@ def _doubt_ramps(fits: list[FirstOrderFit]) -> tuple[FirstOrderFit, ...]:
     for fit in fits:
         if fit.label.startswith("steps") and fit.time_constant.value is not None:
             known[fit.wheel].append(fit.time_constant.value)
-    doubted = []
+    marked = []
     for fit in fits:
-        longest = DOUBT_FACTOR * max(known[fit.wheel], default=float("inf"))
+        longest = SUSPECT_FACTOR * max(known[fit.wheel], default=float("inf"))
         value = fit.time_constant.value
         if fit.label.startswith("ramps") and known[fit.wheel] and (value is None or value > longest):
-            doubted.append(replace(fit, notes=(*fit.notes, RAMP_NOTE)))
+            marked.append(replace(fit, notes=(*fit.notes, RAMP_NOTE)))
         else:
-            doubted.append(fit)
-    return tuple(doubted)
+            marked.append(fit)
+    return tuple(marked)
 
 
 def _direction(run: Run, wheel: Wheel) -> str:

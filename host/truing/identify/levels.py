@@ -26,7 +26,7 @@ COARSE_JUMP = 0.25
 FINE_SPREAD = 0.005
 COARSE_SPREAD = 0.25
 # Levels must cover this share of a run for its input to count as piecewise constant.
-LEAST_COVER = 0.8
+MIN_COVER = 0.8
 # The input of a level is its mean over the last 40 %, where the steady speed is taken as well.
 STEADY_SHARE = 0.4
 
@@ -82,7 +82,7 @@ def _from_command(run: Run, wheel: Wheel, command: FloatArray, mode: tuple[str, 
     edges = np.flatnonzero(np.abs(np.diff(value)) > 1e-9) + 1
     levels = _levels_between(run, wheel, kind, value, edges, 0.0)
     cover = sum(level.duration_s for level in levels)
-    if cover < LEAST_COVER * run.duration_s:
+    if cover < MIN_COVER * run.duration_s:
         return Levels((), "the command keeps changing (a ramp or a free drive)")
     return _checked(levels)
 
@@ -100,7 +100,7 @@ def _from_effort(run: Run, wheel: Wheel) -> Levels:
         return _checked(fine)
     edges = _edges(effort, COARSE_JUMP * largest)
     coarse = _levels_between(run, wheel, "effort", effort, edges, COARSE_SPREAD)
-    if sum(level.duration_s for level in coarse) >= LEAST_COVER * run.duration_s:
+    if sum(level.duration_s for level in coarse) >= MIN_COVER * run.duration_s:
         return _checked(coarse)
     return Levels((), "the effort keeps changing (a ramp or a free drive)")
 

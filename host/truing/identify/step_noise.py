@@ -18,9 +18,9 @@ import numpy as np
 
 from truing.arrays import FloatArray
 
-LEAST_ROWS = 4
+MIN_ROWS = 4
 # Longer windows are averaged down to so many blocks: what moves a mean is the slow part of the noise.
-MOST_BLOCKS = 48
+MAX_BLOCKS = 48
 # Memories that are looked through; below, the counts' own rounding is all that is there.
 MEMORIES = tuple(np.linspace(-0.5, 0.95, 30).tolist())
 CONFIDENCE = 0.95
@@ -91,11 +91,11 @@ def window_noise(windows: Sequence[FloatArray]) -> list[WindowNoise | None]:
     ----------
     windows : speeds (m/s) of the windows, each of shape (rows,).
     """
-    block = -(-max((len(values) for values in windows), default=1) // MOST_BLOCKS)
+    block = -(-max((len(values) for values in windows), default=1) // MAX_BLOCKS)
     means = [_block_means(values, block) for values in windows]
-    memory = _common_memory([values for values in means if len(values) >= LEAST_ROWS])
+    memory = _common_memory([values for values in means if len(values) >= MIN_ROWS])
     return [
-        _noise_of(values, blocks, memory) if len(blocks) >= LEAST_ROWS else None
+        _noise_of(values, blocks, memory) if len(blocks) >= MIN_ROWS else None
         for values, blocks in zip(windows, means, strict=True)
     ]
 

@@ -1,4 +1,4 @@
-"""The transition into a level: when it crosses its marks, how far it swings beyond, with 95 % intervals."""
+"""The transition into a level: when it crosses its marks, how far it overshoots, with 95 % intervals."""
 
 from __future__ import annotations
 
@@ -203,16 +203,16 @@ class Response:
         if arrived.size == 0:
             reason = "the speed never reaches its steady value"
             return Quantity.unknown(PERCENT, reason), Quantity.unknown(PERCENT, reason)
-        # A speed that still creeps passes its own mean without swinging beyond anything.
+        # A speed that still creeps passes its own mean without an overshoot.
         creep = self.sign * self._told_drift() / abs(self.change_mps)
         after = beyond[arrived[0] :]
         speeding = self.sign * self.change_mps > 0.0
         above, below = after - max(creep, 0.0), -after - max(-creep, 0.0)
         first, second = (above, below) if speeding else (below, above)
-        # The swing back counts from the first peak on; before it the response is still on its way.
-        swing = self._excursion(first)
+        # The undershoot counts from the first peak on; before it the response is still on its way.
+        first_excursion = self._excursion(first)
         back = self._excursion(second[int(first.argmax()) :])
-        return (swing, back) if speeding else (back, swing)
+        return (first_excursion, back) if speeding else (back, first_excursion)
 
     def _told_drift(self) -> float:
         """How far the speed still moved in the steady window, m/s; zero where noise could do it alone."""

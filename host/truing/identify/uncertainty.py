@@ -27,11 +27,11 @@ BLOCKS_PER_COEFFICIENT = 8
 REPETITIONS = 200
 SEED = 20_08
 CONFIDENCE = 0.95
-# Noise whose memory does not end within a run cannot be told from an offset.
+# Noise whose memory does not end within a run cannot be distinguished from an offset.
 LARGEST_ROOT = 0.99
 TINY = 1e-300
 # Two standard deviations hold 95 % when nothing flatters; no repetition may claim less.
-LEAST_QUANTILE = 1.96
+MIN_QUANTILE = 1.96
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +95,7 @@ def _studentised_quantile(runs: list[_RunBlocks], found: NoiseModel, inverse: Fl
     level = found.innovations**2 / np.maximum(swallowed.innovations.mean(axis=0), TINY)
     again, errors = _refit(runs, NoiseModel(model[None, :], level), inverse, rng)
     ratios = np.abs(errors) / np.maximum(_deviations(runs, again, inverse), 1e-300)
-    return np.asarray(np.maximum(np.quantile(ratios, CONFIDENCE, axis=0), LEAST_QUANTILE))
+    return np.asarray(np.maximum(np.quantile(ratios, CONFIDENCE, axis=0), MIN_QUANTILE))
 
 
 def _refit(

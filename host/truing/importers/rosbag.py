@@ -134,7 +134,7 @@ def _collect(path: Path) -> Bag:
 
 
 def _one_topic_each(path: Path, found: list[tuple[str, str]]) -> None:
-    """Two topics of one kind cannot be told apart: say so rather than mix them."""
+    """Two topics of one kind cannot be distinguished: say so rather than mix them."""
     for kinds in ((JOINT_STATE,), (ODOMETRY,), TWISTS):
         topics = sorted({topic for kind, topic in found if kind in kinds})
         if len(topics) > 1:

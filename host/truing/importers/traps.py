@@ -15,10 +15,10 @@ from .foreign import Finding, ForeignTest
 SIDES = ("left", "right")
 
 # Between rows of a recorder, s: 2 kHz to 1 Hz, with some play at the slow end.
-LEAST_STEP_S, MOST_STEP_S = 5e-4, 2.0
+MIN_STEP_S, MAX_STEP_S = 5e-4, 2.0
 UNITS = {1.0: "seconds", 1e-3: "milliseconds", 1e-6: "microseconds"}
 
-LEAST_SAMPLES = 10  # of a kind before anything is said about it
+MIN_SAMPLES = 10  # of a kind before anything is said about it
 REPEATED_SHARE = 0.2  # of the moving samples
 LAG_SAMPLES = 1.5  # reported speed behind differenced position
 LAG_S = 0.015
@@ -59,24 +59,24 @@ def _settle_time(path: Path, tests: Sequence[ForeignTest]) -> Finding | None:
             raise RecordingError(path, f"time runs backwards in test {test.name!r}, its row {row}")
     step = float(np.median(np.concatenate([np.diff(test.time) for test in tests])))
     if tests[0].time_known:
-        if MOST_STEP_S >= step >= LEAST_STEP_S:
+        if MAX_STEP_S >= step >= MIN_STEP_S:
             return None
         text = f"rows come {step:.3g} s apart: is the unit of time right?"
         return Finding("time_unit", text)
-    scale = 1e-6 if step > MOST_STEP_S * 1e3 else 1e-3 if step > MOST_STEP_S else 1.0
-    doubt = ""
+    scale = 1e-6 if step > MAX_STEP_S * 1e3 else 1e-3 if step > MAX_STEP_S else 1.0
+    alternatives = ""
     # The next finer unit is possible too when it gives a step that a recorder may have.
-    if step * scale * 1e-3 >= LEAST_STEP_S:
+    if step * scale * 1e-3 >= MIN_STEP_S:
         if _travel_over_speed(tests) < 3e-3 * scale:
             scale *= 1e-3
         else:
-            doubt = f"; {UNITS[scale * 1e-3]} are possible too, and a mapping could say so"
-    if scale == 1.0 and not doubt:
+            alternatives = f"; {UNITS[scale * 1e-3]} are possible too, and a mapping could say so"
+    if scale == 1.0 and not alternatives:
         return None
     for test in tests:
         test.time = test.time * scale
     action = "converted to seconds" if scale != 1.0 else "left as they are"
-    text = f"time stamps are taken as {UNITS[scale]} (median step {step:g}), {action}{doubt}"
+    text = f"time stamps are taken as {UNITS[scale]} (median step {step:g}), {action}{alternatives}"
     return Finding("time_unit", text, corrected=scale != 1.0)
 
 
@@ -114,10 +114,10 @@ def _signs(tests: Sequence[ForeignTest], side: int) -> list[Finding]:
         return []
     drive, motion = gathered
     moving = (np.abs(motion) > 0.3 * np.max(np.abs(motion), initial=0.0)) & (np.abs(drive) > 0.0)
-    if moving.sum() < LEAST_SAMPLES:
+    if moving.sum() < MIN_SAMPLES:
         return []
     found = []
-    both_ways = min((moving & (motion < 0.0)).sum(), (moving & (motion > 0.0)).sum()) >= LEAST_SAMPLES
+    both_ways = min((moving & (motion < 0.0)).sum(), (moving & (motion > 0.0)).sum()) >= MIN_SAMPLES
     if both_ways and (drive >= 0.0).all():
         commanded = all(test.command is not None for test in tests)
         for test in tests:
@@ -189,7 +189,7 @@ def _repeated(test: ForeignTest) -> Finding | None:
     still = (np.diff(test.position, axis=1) == 0.0).all(axis=0)
     fastest = np.abs(motion).max(axis=0)
     moving = fastest[1:] > 0.2 * fastest.max(initial=0.0)
-    if moving.sum() < 2 * LEAST_SAMPLES:
+    if moving.sum() < 2 * MIN_SAMPLES:
         return None
     share = float(np.mean(still[moving]))
     if share < REPEATED_SHARE:

@@ -11,12 +11,12 @@ from truing.arrays import FloatArray, IntArray
 
 # An edge inside an interval is looked for when the levels around it differ by this much effort, and
 # stand still to within this share of the difference.
-LEAST_EDGE = 0.01
+MIN_EDGE = 0.01
 STILL_SHARE = 0.05
 # An edge is one between levels that stand still for so many rows.
 STILL_ROWS = 2
 # One that fell nearer to a row's end than this share of the interval fell on it.
-LEAST_PART = 0.02
+MIN_PART = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +122,6 @@ def _rows_with_edge(effort: FloatArray, lasting: int) -> IntArray:
         np.abs(seen[:, lasting + 1 :] - after[:, None]).max(axis=1),
     )
     still = away <= STILL_SHARE * height
-    part = np.divide(here - before, after - before, out=np.zeros_like(height), where=height > LEAST_EDGE)
-    between = (part > LEAST_PART) & (part < 1.0 - LEAST_PART)
+    part = np.divide(here - before, after - before, out=np.zeros_like(height), where=height > MIN_EDGE)
+    between = (part > MIN_PART) & (part < 1.0 - MIN_PART)
     return (np.flatnonzero(still & between) + lasting).astype(np.int64)

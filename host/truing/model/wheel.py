@@ -24,7 +24,7 @@ class WheelPhysics:
     ----------
     gain_mps : steady speed per unit of effort beyond friction, forward, m/s.
     time_constant_s : forward, s.
-    delay_s : pure delay from command to torque (or, not to be told apart, in measuring), s.
+    delay_s : pure delay from command to torque (or in measuring, which is not distinguishable), s.
     friction : running (Coulomb) friction, as the effort that balances it.
     breakaway_excess : how far breakaway friction lies above running friction, effort.
     stribeck_mps : speed over which the excess fades; 0: it acts at rest only.

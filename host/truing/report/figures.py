@@ -12,7 +12,7 @@ from truing.report.plot import LINE_WIDTHS, PATH_LABELS, path_window
 from truing.report.run_view import COLOURS, NEUTRAL, REFERENCE, PathView, RunView
 
 # More points than a screen has columns only make the page heavy.
-MOST_POINTS = 4000
+MAX_POINTS = 4000
 # What survives in the page: no sensor here has more.
 SIGNIFICANT_DIGITS = 6
 
@@ -176,7 +176,7 @@ def _line(
 
 
 def _track(x: FloatArray, y: FloatArray, name: str, line: dict[str, Any]) -> dict[str, Any]:
-    kept = np.linspace(0, len(x) - 1, min(len(x), MOST_POINTS)).astype(int)
+    kept = np.linspace(0, len(x) - 1, min(len(x), MAX_POINTS)).astype(int)
     return {
         "type": "scatter",
         "mode": "lines",
@@ -189,16 +189,16 @@ def _track(x: FloatArray, y: FloatArray, name: str, line: dict[str, Any]) -> dic
 
 
 def thin(values: FloatArray) -> NDArray[np.intp]:
-    """Rows to draw, at most about MOST_POINTS: lowest and highest of each bucket, so that no peak is lost.
+    """Rows to draw, at most about MAX_POINTS: lowest and highest of each bucket, so that no peak is lost.
 
     Parameters
     ----------
     values : shape (n,); NaN, which breaks a line, is kept.
     """
     n = len(values)
-    if n <= MOST_POINTS:
+    if n <= MAX_POINTS:
         return np.arange(n)
-    size = -(-2 * n // MOST_POINTS)
+    size = -(-2 * n // MAX_POINTS)
     buckets = n // size
     body = np.nan_to_num(values[: buckets * size]).reshape(buckets, size)
     base = size * np.arange(buckets)

@@ -55,7 +55,7 @@ def rise_time_s(model: StateSpaceModel) -> float:
 
 @dataclass(frozen=True, slots=True)
 class PrintedModel:
-    """What a printed model says against what the paper's tables say of the run that it was fitted to.
+    """A printed model compared with the paper's tables for the run that it was fitted to.
 
     Attributes
     ----------

@@ -26,7 +26,7 @@ from truing.trial.robot import Robot
 _DEVICE_ZERO_S = 0.0146 + 38.6e-6 - 0.001
 _LONGEST_PAUSE_S = 4.0
 _HELD_US = 400_000
-_MOST_HOLDS = 6
+_MAX_HOLDS = 6
 _AFTER_US = 50_000
 # Until the supply has been measured a board does not start.
 _SETTLING_US = 50_000
@@ -165,12 +165,12 @@ def _one_run(
 
 def _start_when_still(robot: SimulatedRobot, device: Device, sequence: UploadedSequence) -> int:
     """Hold the wheels until the board finds them still, and start; returns the log's number."""
-    for held in range(_MOST_HOLDS):
+    for held in range(_MAX_HOLDS):
         robot.run_us(_HELD_US)
         try:
             return device.start(sequence)
         except Refused:
-            if held == _MOST_HOLDS - 1:
+            if held == _MAX_HOLDS - 1:
                 raise
     raise AssertionError  # the last refusal has been raised
 

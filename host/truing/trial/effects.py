@@ -31,7 +31,7 @@ class Hidden:
     start : strength that is tried first.
     max_strength : largest strength that is physically plausible.
     domain : where its strength is judged: in the wheels' speeds or in the pose.
-    needs : columns without which it cannot be told at all: `truth`, `speed` (the recorder's own).
+    needs : columns without which it is not identifiable: `truth`, `speed` (the recorder's own).
     tied : the baseline has both sides equal.
     """
 

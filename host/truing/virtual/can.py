@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hil_sim import VirtualCanBus, VirtualRobot
     from hil_sim.can_bus import CanNode
 
-MOST_BOARDS = 16
+MAX_BOARDS = 16
 _START_US = 20_000  # until a virtual board answers, and until it has joined its bus
 _STEP_US = 100  # about one frame at 1 Mbit/s; a finer step hears nothing sooner
 _SLEEP_STEP_US = 20_000
@@ -260,10 +260,10 @@ def open_channel(options: VirtualOptions, where: str, node: int, bit_rate: int) 
     name, comma, number = where.partition(",")
     name = name or "truing"
     boards = int(number) if number.isdecimal() else 0 if comma else 1
-    if not 1 <= boards <= MOST_BOARDS:
+    if not 1 <= boards <= MAX_BOARDS:
         raise PortError(
             f"can:virtual:{where}: not a number of virtual boards",
-            f"write can:virtual:CHANNEL,BOARDS with 1 to {MOST_BOARDS} boards, "
+            f"write can:virtual:CHANNEL,BOARDS with 1 to {MAX_BOARDS} boards, "
             "for example can:virtual:robots,3/2",
         )
     if name in virtual.channels and name not in Channel._channels:

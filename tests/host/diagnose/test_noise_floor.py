@@ -39,6 +39,6 @@ def test_white_noise_is_found_within_a_tenth() -> None:
 
 @pytest.mark.parametrize("extra", [0.05, 0.5])
 def test_a_disturbance_that_no_model_has_does_not_raise_the_floor(extra: float) -> None:
-    calm, disturbed = noise_floor(recorded()), noise_floor(recorded(extra))
-    np.testing.assert_allclose(disturbed.rms, calm.rms, rtol=0.05)
-    np.testing.assert_allclose(calm.rms, SLOW_FACTOR * calm.fast)
+    undisturbed, disturbed = noise_floor(recorded()), noise_floor(recorded(extra))
+    np.testing.assert_allclose(disturbed.rms, undisturbed.rms, rtol=0.05)
+    np.testing.assert_allclose(undisturbed.rms, SLOW_FACTOR * undisturbed.fast)

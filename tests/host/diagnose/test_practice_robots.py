@@ -84,12 +84,12 @@ def test_the_same_seed_gives_the_same_files_and_another_seed_others(tmp_path: Pa
 
 
 def test_a_healthy_robots_baseline_is_exact_or_off_by_at_most_8_per_cent(tmp_path: Path) -> None:
-    for name, most in (("null_exact", 1e-4), ("null_numbers", 0.0801)):
+    for name, limit in (("null_exact", 1e-4), ("null_numbers", 0.0801)):
         answer = make_trial(9, name, folder=tmp_path / name)
         baseline = tomllib.loads((tmp_path / name / "recordings" / "baseline.toml").read_text())
         for w, wheel in enumerate(("left", "right")):
-            assert abs(baseline["wheel"][wheel]["gain_mps"] / answer.gain_mps[w] - 1) <= most
-            assert abs(baseline["wheel"][wheel]["time_constant_s"] / answer.time_constant_s[w] - 1) <= most
+            assert abs(baseline["wheel"][wheel]["gain_mps"] / answer.gain_mps[w] - 1) <= limit
+            assert abs(baseline["wheel"][wheel]["time_constant_s"] / answer.time_constant_s[w] - 1) <= limit
 
 
 def verdict(name: str, *effects: str, **more: Any) -> dict[str, Any]:
@@ -101,16 +101,16 @@ def limited(tmp_path_factory: pytest.TempPathFactory) -> Answer:
     return make_trial(1, "speed_limit", "full", folder=tmp_path_factory.mktemp("limited"))
 
 
-def test_a_verdict_is_right_alone_or_in_doubt_and_wrong_when_it_names_what_is_not_there(
+def test_a_verdict_is_right_alone_or_ambiguous_and_wrong_when_it_names_what_is_not_there(
     limited: Answer,
 ) -> None:
     alone = judge(limited, verdict("missing_physics", "speed_limit"))
     assert alone["named"]
     assert alone["alone"]
     assert not alone["confidently_wrong"]
-    doubt = judge(limited, verdict("ambiguous", "quadratic_drag", "speed_limit"))
-    assert doubt["named"]
-    assert not doubt["alone"]
+    ambiguous = judge(limited, verdict("ambiguous", "quadratic_drag", "speed_limit"))
+    assert ambiguous["named"]
+    assert not ambiguous["alone"]
     assert not judge(limited, verdict("ambiguous", "speed_limit", *list(CATALOGUE)[:3]))["named"]
     assert judge(limited, verdict("missing_physics", "quadratic_drag"))["confidently_wrong"]
     assert not judge(limited, verdict("unexplained"))["named"]

@@ -17,7 +17,7 @@ from truing.diagnose.present.page import render_report, save_report
 from truing.diagnose.present.text import headline, place_lines, sections, value_text
 from truing.diagnose.result import Diagnosis, EffectParameter, Explanation, MismatchSpan
 
-MAKERS = [
+DIAGNOSES = [
     diagnoses.missing_physics,
     diagnoses.ambiguous,
     diagnoses.parameters_only,
@@ -46,9 +46,9 @@ def test_parameters_that_differ_are_listed_with_their_estimates() -> None:
 
 
 def test_a_calm_verdict_beside_a_large_error_warns() -> None:
-    calm = diagnoses.parameters_only()
-    assert "the verdict is uncertain" not in said(calm)
-    left = replace(calm, fit=replace(calm.fit, refit_rmse=0.03))
+    explained = diagnoses.parameters_only()
+    assert "the verdict is uncertain" not in said(explained)
+    left = replace(explained, fit=replace(explained.fit, refit_rmse=0.03))
     assert "still 2.7 times the noise floor" in said(left)
 
 
@@ -107,7 +107,7 @@ def test_values_have_as_many_digits_as_their_interval_is_worth(parameter: Effect
     assert value_text(parameter) == text
 
 
-@pytest.mark.parametrize("make", MAKERS)
+@pytest.mark.parametrize("make", DIAGNOSES)
 def test_the_page_stands_alone_and_has_every_section_it_promises(make, tmp_path: Path) -> None:
     diagnosis = make()
     path = save_report(recordings(4), diagnosis, tmp_path / "report.html")

@@ -12,7 +12,7 @@ from support import diagnoses
 from truing.diagnose.result import EffectParameter, FitErrors
 from truing.plan import parse_plan
 
-MAKERS = [
+DIAGNOSES = [
     diagnoses.missing_physics,
     diagnoses.ambiguous,
     diagnoses.parameters_only,
@@ -21,7 +21,7 @@ MAKERS = [
 ]
 
 
-@pytest.mark.parametrize("make", MAKERS)
+@pytest.mark.parametrize("make", DIAGNOSES)
 def test_every_verdict_becomes_strict_json_with_the_documented_keys(make) -> None:
     tree = json.loads(json.dumps(make().to_json(), allow_nan=False))
     assert tree["schema"] == 2

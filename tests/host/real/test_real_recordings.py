@@ -83,10 +83,10 @@ def test_friction_harms_where_an_encoder_is_at_fault(recordings: Path) -> None:
 
 
 def test_a_recorders_filter_shows_in_its_own_positions(recordings: Path) -> None:
-    for name, least_s, most_s in ((ARMADA, 0.03, 0.06), (TEAM_2881, 0.12, 0.17), (TEAM_4099, 0.11, 0.15)):
+    for name, min_s, max_s in ((ARMADA, 0.03, 0.06), (TEAM_2881, 0.12, 0.17), (TEAM_4099, 0.11, 0.15)):
         lag = direct_lag(judge(recordings / "real" / name).data)
         assert lag is not None
-        assert least_s < lag.time_constant_s < most_s, name
+        assert min_s < lag.time_constant_s < max_s, name
         assert lag.rms_mps < 0.25 * lag.rms_without_mps
 
 

@@ -1,4 +1,10 @@
-"""A second family of robots, independent of the plant: recording sets with something hidden in them."""
+"""A second family of robots, independent of the plant: recording sets with an effect concealed in them.
+
+It shares nothing with `truing.trial`, on purpose. There the plant of `hil_sim` is driven and the diagnosis'
+own simulator scores, so that an error common to plant, diagnosis and scorer would cancel. Here physics,
+sensors, strengths and scores are written anew, and a verdict is judged from its JSON alone: with a second,
+independent model on the other side of the wall, such an error shows. `README.md` has the details.
+"""
 
 from __future__ import annotations
 

@@ -149,9 +149,9 @@ def _function(call: str) -> Callable[[Path, Path], dict[str, Any]]:
 def _command(template: str, recordings: Path, folder: Path) -> dict[str, Any]:
     out = folder / "verdict.json"
     out.unlink(missing_ok=True)
-    words = template.format(set=recordings, baseline=recordings / "baseline.toml", json=out)
+    command = template.format(set=recordings, baseline=recordings / "baseline.toml", json=out)
     done = subprocess.run(
-        shlex.split(words), cwd=ROOT, capture_output=True, text=True, timeout=600, check=False
+        shlex.split(command), cwd=ROOT, capture_output=True, text=True, timeout=600, check=False
     )
     if done.returncode != 0:
         raise RuntimeError(f"exit {done.returncode}: {done.stderr.strip()[-500:]}")
@@ -189,7 +189,7 @@ def report(judgements: list[Judgement]) -> str:
             lines.append(f"  median {label:39s} {np.median(values):.2f}")
     seconds = [j["seconds"] for j in judged]
     if seconds:
-        lines.append(f"  seconds per verdict: median {np.median(seconds):.1f}, most {max(seconds):.1f}")
+        lines.append(f"  seconds per verdict: median {np.median(seconds):.1f}, max {max(seconds):.1f}")
     misses: Counter[str] = Counter()
     for j in judged:
         misses.update(name for name, hit in j["inside"].items() if not hit)

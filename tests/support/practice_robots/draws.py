@@ -107,7 +107,7 @@ def draw_signals(rng: Generator, *, filtered: bool) -> Signals:
 
 
 def draw_baseline(rng: Generator, machine: Machine, *, exact: bool, sides_equal: bool) -> tuple[Array, Array]:
-    """Gains (2,) and time constants (2,) as a user has them: off by up to 8 %."""
+    """Gains (2,) and time constants (2,) as a user has them: wrong by up to 8 %."""
     off = rng.uniform(-0.08, 0.08, (2, 2))
     if exact:
         off[:] = 0.0

@@ -51,25 +51,23 @@ def _uneven(draw: Draw, spread: float = 0.25, one_sided: float = 0.0) -> Array:
 
 
 def _both(physics: Physics, size: float, shape: Shape) -> Parameters:
-    return {"left": float(size * shape["most"][0]), "right": float(size * shape["most"][1])}
+    return {"left": float(size * shape["max"][0]), "right": float(size * shape["max"][1])}
 
 
 # Friction -----------------------------------------------------------------------------------------
 
 
 def _coulomb_shape(draw: Draw) -> Shape:
-    return {"most": 0.22 * _uneven(draw, one_sided=0.12), "bristle": float(draw.rng.uniform(0.002, 0.008))}
+    return {"max": 0.22 * _uneven(draw, one_sided=0.12), "bristle": float(draw.rng.uniform(0.002, 0.008))}
 
 
 def _coulomb(physics: Physics, size: float, shape: Shape) -> Physics:
-    return physics._replace(
-        running=size * shape["most"] * stall_torque(physics), bristle_rad=shape["bristle"]
-    )
+    return physics._replace(running=size * shape["max"] * stall_torque(physics), bristle_rad=shape["bristle"])
 
 
 def _stribeck_shape(draw: Draw) -> Shape:
     return {
-        "most": 0.12 * _uneven(draw),
+        "max": 0.12 * _uneven(draw),
         "ratio": draw.rng.uniform(1.7, 3.0) * np.exp(draw.rng.uniform(-0.1, 0.1, 2)),
         "speed": float(draw.rng.uniform(0.02, 0.08) / draw.physics.radius),
         "bristle": float(draw.rng.uniform(0.002, 0.006)),
@@ -77,7 +75,7 @@ def _stribeck_shape(draw: Draw) -> Shape:
 
 
 def _stribeck(physics: Physics, size: float, shape: Shape) -> Physics:
-    level = size * shape["most"] * stall_torque(physics)
+    level = size * shape["max"] * stall_torque(physics)
     return physics._replace(
         running=level,
         breakaway=level * shape["ratio"],
@@ -87,7 +85,7 @@ def _stribeck(physics: Physics, size: float, shape: Shape) -> Physics:
 
 
 def _stribeck_parameters(physics: Physics, size: float, shape: Shape) -> Parameters:
-    running = size * shape["most"]
+    running = size * shape["max"]
     high = running * shape["ratio"]
     return {
         "left": float(running[0]),
@@ -104,7 +102,7 @@ def _scrub(physics: Physics, size: float, shape: Shape) -> Physics:
 
 
 def _drag(physics: Physics, size: float, shape: Shape) -> Physics:
-    return physics._replace(drag=size * shape["most"] * stall_torque(physics) * physics.radius**2)
+    return physics._replace(drag=size * shape["max"] * stall_torque(physics) * physics.radius**2)
 
 
 # Supply and heat ----------------------------------------------------------------------------------
@@ -168,11 +166,11 @@ def _limit_speed(physics: Physics, size: float, shape: Shape) -> Physics:
 
 def _direction_shape(draw: Draw) -> Shape:
     towards = float(draw.rng.choice([-1.0, 1.0]))
-    return {"most": np.log(0.55) * towards * _uneven(draw, 0.5)}
+    return {"max": np.log(0.55) * towards * _uneven(draw, 0.5)}
 
 
 def _direction(physics: Physics, size: float, shape: Shape) -> Physics:
-    return physics._replace(reverse_supply=np.exp(size * shape["most"]))
+    return physics._replace(reverse_supply=np.exp(size * shape["max"]))
 
 
 def _coast(physics: Physics, size: float, shape: Shape) -> Physics:
@@ -197,16 +195,16 @@ def geared(physics: Physics, resonance_hz: float, damping: float) -> Physics:
 
 
 def _backlash(physics: Physics, size: float, shape: Shape) -> Physics:
-    return geared(physics, shape["resonance_hz"], 0.4)._replace(gap=size * shape["most"])
+    return geared(physics, shape["resonance_hz"], 0.4)._replace(gap=size * shape["max"])
 
 
 def _backlash_shape(draw: Draw) -> Shape:
-    return {"most": 0.9 * _uneven(draw, one_sided=0.1), "resonance_hz": float(draw.rng.uniform(40, 70))}
+    return {"max": 0.9 * _uneven(draw, one_sided=0.1), "resonance_hz": float(draw.rng.uniform(40, 70))}
 
 
 def _ripple_shape(draw: Draw) -> Shape:
     return {
-        "most": 0.25 * _uneven(draw, one_sided=0.15),
+        "max": 0.25 * _uneven(draw, one_sided=0.15),
         "per_rev": int(draw.rng.choice([2, 3, 4, 5, 6, 8, 10, 12])),
         "phase": draw.rng.uniform(0, 2 * np.pi, 2),
     }
@@ -214,7 +212,7 @@ def _ripple_shape(draw: Draw) -> Shape:
 
 def _ripple(physics: Physics, size: float, shape: Shape) -> Physics:
     return physics._replace(
-        ripple=size * shape["most"] * stall_torque(physics),
+        ripple=size * shape["max"] * stall_torque(physics),
         ripple_per_rev=float(shape["per_rev"]),
         ripple_phase=shape["phase"],
     )
@@ -222,8 +220,8 @@ def _ripple(physics: Physics, size: float, shape: Shape) -> Physics:
 
 def _ripple_parameters(physics: Physics, size: float, shape: Shape) -> Parameters:
     return {
-        "amplitude_left": float(size * shape["most"][0]),
-        "amplitude_right": float(size * shape["most"][1]),
+        "amplitude_left": float(size * shape["max"][0]),
+        "amplitude_right": float(size * shape["max"][1]),
         "per_revolution": float(shape["per_rev"]),
     }
 
@@ -232,25 +230,25 @@ def _ripple_parameters(physics: Physics, size: float, shape: Shape) -> Parameter
 
 
 def _eccentric(physics: Physics, size: float, shape: Shape) -> Physics:
-    return physics._replace(eccentricity=size * shape["most"], eccentric_phase=shape["phase"])
+    return physics._replace(eccentricity=size * shape["max"], eccentric_phase=shape["phase"])
 
 
 def _dropout(physics: Physics, size: float, shape: Shape) -> Physics:
-    return physics._replace(lost_at_top=size * shape["most"])
+    return physics._replace(lost_at_top=size * shape["max"])
 
 
 def _scale_shape(draw: Draw) -> Shape:
     change = np.zeros(2)
     change[int(draw.rng.integers(2))] = np.log(0.5) * float(draw.rng.choice([1.0, 1.0, -0.6]))
-    return {"most": change}
+    return {"max": change}
 
 
 def _scale(physics: Physics, size: float, shape: Shape) -> Physics:
-    return physics._replace(counts_per_rev=physics.counts_per_rev * np.exp(size * shape["most"]))
+    return physics._replace(counts_per_rev=physics.counts_per_rev * np.exp(size * shape["max"]))
 
 
 def _factors(physics: Physics, size: float, shape: Shape) -> Parameters:
-    left, right = np.exp(size * shape["most"])
+    left, right = np.exp(size * shape["max"])
     return {"left": float(left), "right": float(right)}
 
 
@@ -283,7 +281,7 @@ def _side_parameters(physics: Physics, size: float, shape: Shape) -> Parameters:
 
 
 def _coupling_shape(draw: Draw) -> Shape:
-    return {"most": 0.75 * float(draw.rng.choice([1.0, 1.0, -0.8]))}
+    return {"max": 0.75 * float(draw.rng.choice([1.0, 1.0, -0.8]))}
 
 
 def _grip(physics: Physics, size: float, shape: Shape) -> Physics:
@@ -292,7 +290,7 @@ def _grip(physics: Physics, size: float, shape: Shape) -> Physics:
 
 def _radius_shape(draw: Draw) -> Shape:
     change = draw.rng.normal(0, 1, 2)
-    return {"most": 0.25 * change / np.abs(change).max()}
+    return {"max": 0.25 * change / np.abs(change).max()}
 
 
 def _drift_shape(draw: Draw) -> Shape:
@@ -337,9 +335,9 @@ def _payload(physics: Physics, size: float, shape: Shape) -> Physics:
     return physics._replace(payload_ratio=_payload_ratio(size, shape), payload_ms=shape["at_ms"])
 
 
-def _most(value: float, one_sided: float = 0.0) -> Callable[[Draw], Shape]:
+def _max(value: float, one_sided: float = 0.0) -> Callable[[Draw], Shape]:
     return lambda draw: {
-        "most": value * _uneven(draw, one_sided=one_sided),
+        "max": value * _uneven(draw, one_sided=one_sided),
         "phase": draw.rng.uniform(0, 2 * np.pi, 2),
         "bristle": float(draw.rng.uniform(0.002, 0.008)),
         "winding": bool(draw.rng.random() < 0.4),
@@ -347,7 +345,7 @@ def _most(value: float, one_sided: float = 0.0) -> Callable[[Draw], Shape]:
     }
 
 
-_plain = _most(1.0)
+_plain = _max(1.0)
 
 CATALOGUE: dict[str, Hidden] = {
     hidden.name: hidden
@@ -355,7 +353,7 @@ CATALOGUE: dict[str, Hidden] = {
         Hidden("coulomb_friction", _coulomb_shape, _coulomb, _both),
         Hidden("stribeck_friction", _stribeck_shape, _stribeck, _stribeck_parameters),
         Hidden("turning_scrub", _plain, _scrub, lambda _p, size, _s: {"scrub": 0.22 * size}),
-        Hidden("quadratic_drag", _most(0.6), _drag, _both, exact=True),
+        Hidden("quadratic_drag", _max(0.6), _drag, _both, exact=True),
         Hidden("supply_sag", _sag_shape, _sag, _sag_parameters),
         Hidden("winding_heating", _heat_shape, _heat, _heat_parameters),
         Hidden("input_delay", _plain, _delay, lambda p, _size, _s: {"delay": p.delay_ms / 1000}, exact=True),
@@ -378,15 +376,15 @@ CATALOGUE: dict[str, Hidden] = {
         Hidden("torque_ripple", _ripple_shape, _ripple, _ripple_parameters),
         Hidden(
             "encoder_eccentricity",
-            _most(0.8, one_sided=0.3),
+            _max(0.8, one_sided=0.3),
             _eccentric,
             lambda _p, size, shape: {
-                "amplitude_left": float(size * shape["most"][0]),
-                "amplitude_right": float(size * shape["most"][1]),
+                "amplitude_left": float(size * shape["max"][0]),
+                "amplitude_right": float(size * shape["max"][1]),
             },
             exact=True,
         ),
-        Hidden("encoder_dropout", _most(0.7, one_sided=0.5), _dropout, _both, exact=True),
+        Hidden("encoder_dropout", _max(0.7, one_sided=0.5), _dropout, _both, exact=True),
         Hidden("encoder_scale", _scale_shape, _scale, _factors, domain="pose", exact=True),
         Hidden(
             "speed_filter",
@@ -398,7 +396,7 @@ CATALOGUE: dict[str, Hidden] = {
         Hidden(
             "inertia_coupling",
             _coupling_shape,
-            lambda p, size, shape: p._replace(coupling=size * shape["most"]),
+            lambda p, size, shape: p._replace(coupling=size * shape["max"]),
             lambda p, _size, _s: {"coupling": p.coupling},
             exact=True,
         ),
@@ -406,7 +404,7 @@ CATALOGUE: dict[str, Hidden] = {
         Hidden(
             "wheel_radius_error",
             _radius_shape,
-            lambda p, size, shape: p._replace(ground_scale=np.exp(size * shape["most"])),
+            lambda p, size, shape: p._replace(ground_scale=np.exp(size * shape["max"])),
             _factors,
             domain="pose",
             exact=True,
@@ -414,7 +412,7 @@ CATALOGUE: dict[str, Hidden] = {
         Hidden(
             "wheelbase_error",
             _coupling_shape,
-            lambda p, size, shape: p._replace(wheelbase_factor=float(np.exp(0.6 * size * shape["most"]))),
+            lambda p, size, shape: p._replace(wheelbase_factor=float(np.exp(0.6 * size * shape["max"]))),
             lambda p, _size, _s: {"factor": p.wheelbase_factor},
             domain="pose",
             exact=True,

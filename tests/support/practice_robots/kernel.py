@@ -222,8 +222,8 @@ def simulate(
                         drive = min(drive, max(limit + 20.0 * (limit - rim), 0.0))
                         drive = max(drive, min(-limit - 20.0 * (limit + rim), 0.0))
                     target = (drive * supply - k * speed1[w]) / resistance[w]
-                most = p.current_limit * stall_current[w]
-                target = min(max(target, -most), most)
+                torque_limit = p.current_limit * stall_current[w]
+                target = min(max(target, -torque_limit), torque_limit)
                 current[w] += h / (p.electric_s[w] + h) * (target - current[w])
                 drawn_now += drive * current[w]
                 torque = k * current[w] - p.viscous[w] * speed1[w]

@@ -83,8 +83,8 @@ def _tether_shape(draw: Draw) -> Shape:
 
 def _tether(physics: Physics, size: float, shape: Shape) -> Physics:
     """A rubber band from the start: it pulls back by the distance beyond its slack."""
-    most = 0.35 * float(stall_torque(physics).mean()) * 2 / physics.radius  # N at 2 m
-    return physics._replace(tether=most * size / 2, tether_slack=shape["slack"])
+    max_force = 0.35 * float(stall_torque(physics).mean()) * 2 / physics.radius  # N at 2 m
+    return physics._replace(tether=max_force * size / 2, tether_slack=shape["slack"])
 
 
 def _brownout_shape(draw: Draw) -> Shape:
@@ -108,7 +108,7 @@ def _hysteresis(physics: Physics, size: float, shape: Shape) -> Physics:
 
 
 def _push(physics: Physics, size: float, shape: Shape) -> Physics:
-    """Somebody knocks against the robot now and then."""
+    """Random impulses of torque. (The name takes part in the seeds of the trials.)"""
     return physics._replace(push=float(1.5 * size * stall_torque(physics).mean()), push_every_ms=4000)
 
 

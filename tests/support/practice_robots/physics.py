@@ -97,7 +97,7 @@ class Physics(NamedTuple):
     brownout_effort: float  # sum of both efforts above which the supply may trip
     brownout_rate: float  # 1/s
     brownout_ms: int
-    push: float  # N m of a sideways or frontal knock
+    push: float  # N m of an impulse from the side or the front
     push_every_ms: int
 
 
@@ -121,7 +121,7 @@ def healthy(
 ) -> Physics:
     """A robot whose wheels are first order with these gains (m/s) and time constants (s), nothing hidden.
 
-    `viscous_share` is viscous torque over back-EMF braking, which no recording can tell apart.
+    `viscous_share` is viscous torque over back-EMF braking, which no recording can distinguish.
     """
     torque_constant = radius * voltage / (gain * (1 + viscous_share))
     chassis = mass * radius**2 / 2

@@ -80,8 +80,8 @@ def catalogue_speeds(
             if breakaway > running:
                 slow = before / q[STRIBECK_MPS]
                 level += (breakaway - running) * np.exp(-slow * slow)
-            most = share * gain * level
-            v[w] = np.sign(free) * max(abs(free) - most, 0.0)
+            max_change = share * gain * level
+            v[w] = np.sign(free) * max(abs(free) - max_change, 0.0)
             travel[w] += 0.5 * h * (before + v[w])
             shift[w] = share * gain * q[SCRUB]
         if q[SCRUB] > 0.0:

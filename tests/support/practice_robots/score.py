@@ -13,7 +13,7 @@ from support.practice_robots.trial import Answer
 Result: TypeAlias = dict[str, Any]
 Judgement: TypeAlias = dict[str, Any]
 SIGNALS = ("left", "right", "pose")
-MOST_AMBIGUOUS = 3
+MAX_AMBIGUOUS = 3
 CLEAN_VERDICTS = ("consistent", "parameters_only")
 ENERGY_SHARE = 0.95  # the fewest rows that hold this share of the energy are where the effect is
 
@@ -38,7 +38,7 @@ def judge(answer: Answer, result: Result) -> Judgement:
     sure = verdict == "missing_physics"
     ambiguous = verdict == "ambiguous"
     named = every and (
-        (sure and len(extra) <= allowed) or (ambiguous and len(listed) <= MOST_AMBIGUOUS + allowed)
+        (sure and len(extra) <= allowed) or (ambiguous and len(listed) <= MAX_AMBIGUOUS + allowed)
     )
     covered, pure = located(answer, result)
     if answer.kind.startswith("null"):
@@ -137,7 +137,7 @@ def _effect_rows(energy: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def signal_of(name: str) -> str:
-    """Which of left, right and pose a column speaks of."""
+    """Which of left, right and pose a column belongs to."""
     if name.startswith(("truth", "gyro", "x_m", "y_m", "theta", "pose")):
         return "pose"
     return "left" if "left" in name else "right"

@@ -29,7 +29,7 @@ STRENGTHS: dict[str, tuple[float, float]] = {"full": (1.0, 4.0), "weak": (0.3, 1
 NULLS = ("null_exact", "null_numbers")
 ATTEMPTS = 24
 
-# Pairs that set the same numbers of the robot, or that no recording tells apart.
+# Pairs that set the same numbers of the robot, or that no recording distinguishes.
 NOT_TOGETHER = (
     {"coulomb_friction", "stribeck_friction"},
     {"encoder_scale", "wheel_radius_error"},
@@ -133,9 +133,9 @@ def make_trial(
     noise
         RMS of the disturbance in speed over that of quantisation; drawn from 0.3 to 4 where None.
     """
-    words = [seed, _number(effect), _number(strength), _number(second_effect or "-")]
+    entropy = [seed, _number(effect), _number(strength), _number(second_effect or "-")]
     for attempt in range(ATTEMPTS):
-        rng = np.random.default_rng(np.random.SeedSequence([*words, attempt]))
+        rng = np.random.default_rng(np.random.SeedSequence([*entropy, attempt]))
         kind = plan_kind or PLAN_KINDS[int(rng.choice(3, p=[0.55, 0.22, 0.23]))]
         if attempt >= ATTEMPTS // 2:
             kind = "rich"

@@ -10,7 +10,7 @@ from truing.web.worker.sample import PlacedSample
 from truing.web.worker.state import Snapshot, Task
 
 # More samples per frame than the strip chart has pixels add nothing.
-_MOST_SAMPLES = 120
+_MAX_SAMPLES = 120
 
 
 class FrameMaker:
@@ -35,7 +35,7 @@ class FrameMaker:
     def frame(self) -> dict[str, Any]:
         """The next frame."""
         session = self._session
-        samples = session.worker.history.since(self._next, _MOST_SAMPLES)
+        samples = session.worker.history.since(self._next, _MAX_SAMPLES)
         self._next = session.worker.history.count
         odometry, corrected = session.odometry_pose(), session.corrected_pose()
         content: dict[str, Any] = {
