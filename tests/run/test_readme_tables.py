@@ -18,6 +18,10 @@ MODULE_TABLES = {
     "hil_sim/rig/README.md": "hil_sim/rig",
     "protocol/README.md": "protocol/generator",
 }
+# Rooms of the host package whose README names their modules, in any place.
+HOST_ROOMS = ("exporters", "identify", "importers", "model", "studies/real", "trial")
+# Rooms without a README: host/README.md names their modules.
+PLAIN_ROOMS = ("board", "clock", "flash", "link", "log", "recording", "report", "studies", "virtual")
 # README whose table names the folders beside it.
 FOLDER_TABLES = ("firmware/README.md", "hil_sim/README.md", "tests/README.md")
 # Markdown files, or folders of them.
@@ -55,6 +59,34 @@ def test_every_file_in_the_table_is_there(root: Path, readme: str) -> None:
     there = files | {Path(name).stem for name in files}
     named = {name for name in named_in_tables(root / readme) if re.fullmatch(r"\w+(\.(c|h|py|S|ld))?", name)}
     assert not named - there, f"{readme} names {', '.join(sorted(named - there))}"
+
+
+def unnamed(folder: Path, text: str) -> list[str]:
+    """Modules of a folder that stand nowhere in backticks, whole or as a pattern."""
+    patterns = re.findall(r"`([\w*]+\.py)`", text)
+    modules = [path for path in folder.glob("*.py") if not path.name.startswith("__")]
+    return sorted(path.name for path in modules if not any(path.match(each) for each in patterns))
+
+
+@pytest.mark.parametrize("room", HOST_ROOMS)
+def test_the_readme_of_a_room_names_every_module(root: Path, room: str) -> None:
+    folder = root / "host/truing" / room
+    assert not unnamed(folder, (folder / "README.md").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("room", PLAIN_ROOMS)
+def test_the_readme_of_the_host_names_every_module_of_a_room_without_one(root: Path, room: str) -> None:
+    folder = root / "host/truing" / room
+    assert not (folder / "README.md").exists()
+    assert not unnamed(folder, (root / "host/README.md").read_text(encoding="utf-8"))
+
+
+def test_the_readme_of_the_host_names_every_room_and_module_beside_them(root: Path) -> None:
+    package = root / "host/truing"
+    named = named_in_tables(root / "host/README.md")
+    rooms = {f"{path.name}/" for path in package.iterdir() if path.is_dir()} - {"__pycache__/"}
+    modules = {path.name for path in package.glob("*.py") if not path.name.startswith("__")}
+    assert not (rooms | modules) - named
 
 
 @pytest.mark.parametrize("readme", FOLDER_TABLES)
