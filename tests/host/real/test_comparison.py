@@ -145,6 +145,15 @@ def test_a_finished_set_is_not_compared_again_until_its_files_change(
     assert len(calls) == 2
 
 
+def test_a_set_that_is_refused_is_listed_and_stops_no_other(tmp_path: Path) -> None:
+    folder = tmp_path / "robot"
+    (folder / "runs").mkdir(parents=True)
+    (folder / "runs" / "01.csv").write_text("t_s,effort_left\n0,0\n")
+    found = compare_sets([folder], lambda share: None, kept=tmp_path / "kept")
+    assert "effort_right" in found[0].why
+    assert str(tmp_path) not in found[0].why
+
+
 def test_peers_are_fitted_again_only_when_their_rows_change(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 from truing.diagnose.diagnosis_input import Options
 from truing.diagnose.engine import diagnose
 from truing.diagnose.result import Diagnosis
-from truing.errors import IdentifyError
+from truing.errors import FileError, TruingError
 from truing.recording.reader import read_recording_set
 from truing.recording.run import RecordingSet
 from truing.studies.real.drivetrains import read_drivetrain
@@ -93,15 +93,17 @@ def compare_set(
     ----------
     scores_of : fits the peers, or knows what they gave before; `peer_scores` where None.
     """
-    recordings = read_recording_set(folder)
-    if recordings.baseline is None:
-        recordings = read_drivetrain(folder)
     try:
+        recordings = read_recording_set(folder)
+        if recordings.baseline is None:
+            recordings = read_drivetrain(folder)
         began = time.process_time()
         diagnosis = diagnose(recordings, Options(jobs=1))
         seconds = time.process_time() - began
         return compare(recordings, diagnosis, seconds, peers, scores_of or peer_scores)
-    except IdentifyError as error:
+    except FileError as error:
+        return SetComparison(folder.name, why=error.problem)
+    except TruingError as error:
         return SetComparison(folder.name, why=error.message)
 
 

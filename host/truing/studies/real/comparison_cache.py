@@ -81,7 +81,7 @@ def kept_scores(file: Path, peers: Sequence[Peer], rows: RowSet) -> dict[str, Sc
 def _one(folder: Path, kept: Path) -> SetComparison:
     def scores_of(peers: Sequence[Peer], rows: RowSet) -> dict[str, Score]:
         size = sum(len(run) for run in rows.wheels[0])
-        return kept_scores(kept / f"{folder.name}.{size}_rows.json", peers, rows)
+        return kept_scores(kept / f"{folder.name}.{len(peers)}_methods_{size}_rows.json", peers, rows)
 
     return compare_set(folder, scores_of=scores_of)
 
