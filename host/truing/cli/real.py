@@ -39,6 +39,9 @@ PEERS = "peers"
     help="Processes of the comparison.",
 )  # fmt: skip
 @click.option(
+    "--finished", is_flag=True, help="Show the finished sets of the comparison, and compare no others."
+)
+@click.option(
     "--markdown", "page", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
     help="Write all tables, and what could not be decided, as a page of Markdown.",
 )  # fmt: skip
@@ -49,6 +52,7 @@ def command(
     only: tuple[str, ...],
     further: tuple[Path, ...],
     jobs: int,
+    finished: bool,
     page: Path | None,
 ) -> None:
     """Diagnose real robots' recordings, and compare the models found with those of other methods.
@@ -81,7 +85,7 @@ def command(
     folder = _folder(recordings if recordings is not None else recordings_folder(), wanted, further)
     chosen, compared = _chosen(folder, wanted), _compared(folder, further, wanted)
     with app.progress("comparison with other methods", shown=bool(compared)) as progress:
-        comparisons = compare_sets(compared, progress, jobs) if compared else []
+        comparisons = compare_sets(compared, progress, jobs, resume=not finished) if compared else []
     result = replace(_study(app, folder, chosen, wanted), comparisons=tuple(comparisons))
     app.emit(
         {

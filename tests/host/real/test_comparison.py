@@ -141,6 +141,7 @@ def test_a_finished_set_is_not_compared_again_until_its_files_change(
     assert math.isnan(again[0].every_row[OURS].left_out)
     assert shares[-1] == 1.0
     (folder / "runs" / "01.csv").write_text("t_s\n1\n")
+    assert compare_sets([folder], shares.append, kept=tmp_path / "kept", resume=False) == []
     compare_sets([folder], shares.append, kept=tmp_path / "kept")
     assert len(calls) == 2
 
@@ -217,9 +218,11 @@ def test_the_command_writes_the_comparison_as_a_page(tmp_path: Path, monkeypatch
     robots = tmp_path / "robots"
     (robots / "robot" / "runs").mkdir(parents=True)
     monkeypatch.setattr(catalogue, "PEERS", PEERS[:1])
-    monkeypatch.setattr(
-        comparison_cache, "compare_sets", lambda folders, *_: [compared(f.name, ours=3.0) for f in folders]
-    )
+
+    def worse(folders: list[Path], *_: object, **__: object) -> list[SetComparison]:
+        return [compared(folder.name, ours=3.0) for folder in folders]
+
+    monkeypatch.setattr(comparison_cache, "compare_sets", worse)
     page = tmp_path / "page.md"
     arguments = [str(tmp_path), "--only", "peers", "--sets", str(robots), "--markdown", str(page)]
     done = CliRunner().invoke(command, [*arguments, "--json"], obj=App())

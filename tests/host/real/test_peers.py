@@ -92,6 +92,15 @@ def test_a_rung_refitted_near_its_own_fit_stays_there() -> None:
     assert again.numbers == pytest.approx(models["friction"].numbers, rel=1e-3, abs=1e-4)
 
 
+def test_a_wheel_that_is_never_driven_stands_still() -> None:
+    runs = levels(Truth())
+    dead = tuple(replace(run, effort=0.0 * run.effort) for run in runs)
+    model = BY_NAME["linear"].fit(dead, None)
+    assert all(np.all(model.simulate(run) == 0.0) for run in runs)
+    again = BY_NAME["linear"].fit(runs, model)
+    assert rms(again, runs) < 0.5
+
+
 def test_sysids_regression_finds_ks_kv_and_ka_of_a_wheel_without_delay() -> None:
     truth = Truth(gain=4.0, tau=0.4, friction=0.05, noise=0.002)
     model = BY_NAME["sysid"].fit(ramps_and_steps(truth), None)

@@ -47,7 +47,7 @@ def cache_folder() -> Path:
 
 
 def compare_sets(
-    folders: Sequence[Path], say: Progress, jobs: int = 1, kept: Path | None = None
+    folders: Sequence[Path], say: Progress, jobs: int = 1, kept: Path | None = None, *, resume: bool = True
 ) -> list[SetComparison]:
     """One comparison for each set, in their order.
 
@@ -55,16 +55,17 @@ def compare_sets(
     ----------
     jobs : processes.
     kept : where finished work is kept; `cache_folder()` where None.
+    resume : compare what is not finished; otherwise it is left out.
     """
     kept = cache_folder() if kept is None else kept
     done = {folder: found for folder in folders if (found := _known(kept, folder)) is not None}
-    todo = [folder for folder in folders if folder not in done]
+    todo = [folder for folder in folders if folder not in done] if resume else []
     say(len(done) / max(len(folders), 1))
     for folder, comparison in _compared(todo, jobs, kept):
         done[folder] = comparison
         _write(kept / f"{folder.name}.json", _set_key(folder), comparison.to_json())
         say(len(done) / len(folders))
-    return [done[folder] for folder in folders]
+    return [done[folder] for folder in folders if folder in done]
 
 
 def kept_scores(file: Path, peers: Sequence[Peer], rows: RowSet) -> dict[str, Score]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.studies.real.peers.first_order_wheel import NUMBERS, FirstOrderWheel
-from truing.studies.real.peers.peer import Peer, PeerFailedError, WheelModel
+from truing.studies.real.peers.peer import Peer, WheelModel
 from truing.studies.real.peers.wheel_runs import WheelRun
 
 # Ends of the search; a gain is bounded by multiples of top speed over top effort.
@@ -26,6 +26,8 @@ HIGHEST = {"tau": 5.0, "friction": 0.6, "delay": 0.3, "lag": 0.6}
 GAIN_FACTOR = 10.0
 # Where a number starts that the rung below does not have.
 STARTS = {"tau": (0.1, 0.5), "friction": (0.01, 0.05, 0.15), "delay": (0.0, 0.02, 0.08), "lag": (0.02, 0.15)}
+# What is known of a wheel that is never driven: it stands.
+STILL = FirstOrderWheel(np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0]))
 SCOUT_EVALUATIONS, EVALUATIONS = 8, 50
 DERIVATIVE_SHARE = 1e-4
 
@@ -66,6 +68,8 @@ def fit_rung(rung: Rung, runs: Sequence[WheelRun], near: WheelModel | None) -> W
     from scipy.optimize import least_squares
 
     scale = _gain_scale(runs)
+    if scale == 0.0:
+        return STILL
     kinds = [group[0].partition("_")[0] for group in rung.free]
     lower = np.array([LOWEST.get(kind, scale / GAIN_FACTOR) for kind in kinds])
     upper = np.array([HIGHEST.get(kind, scale * GAIN_FACTOR) for kind in kinds])
@@ -114,13 +118,11 @@ def _starts(rung: Rung, near: WheelModel | None, scale: float) -> list[FloatArra
 
 
 def _gain_scale(runs: Sequence[WheelRun]) -> float:
-    """Top speed over top effort, m/s."""
+    """Top speed over top effort, m/s; 0 where the wheel is never driven or never moves."""
     speed = np.concatenate([np.abs(run.speed_mps) for run in runs])
     effort = np.concatenate([np.abs(run.effort) for run in runs])
     top = float(np.percentile(effort, 98.0))
-    if top <= 0.0 or not np.any(speed > 0.0):
-        raise PeerFailedError("the wheel is never driven, or never moves")
-    return float(np.percentile(speed, 98.0)) / top
+    return float(np.percentile(speed, 98.0)) / top if top > 0.0 else 0.0
 
 
 def ladder() -> tuple[Peer, ...]:
