@@ -135,14 +135,14 @@ def _is_here(module: str) -> bool:
 
 
 def _peer(
-    even: EvenSignal, fit: Callable[[Stretches], Any], judge: Judge, max_order: int
+    even: EvenSignal, fit: Callable[[Stretches], Any], judge: Judge, max_folds: int
 ) -> tuple[float, float, float]:
     """Error on the fitted runs and on left-out ones, per cent, and the time of all those fits, s."""
     with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
         warnings.simplefilter("ignore")
         began = time.perf_counter()
         whole = fit(even.stretches)
-        divided = [(fit(fold.fitted), fold.judged) for fold in folds(even, max_order)]
+        divided = [(fit(fold.fitted), fold.judged) for fold in folds(even, max_folds)]
         seconds = time.perf_counter() - began
     fitted = _percent(even, even.stretches, [(whole, even.stretches)], judge)
     return fitted, _percent(even, even.stretches, divided, judge), seconds

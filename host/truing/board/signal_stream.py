@@ -146,9 +146,9 @@ class SignalStream:
                 self._chunk.lost(self._asked)
             if len(self._sequences) > 32:  # all that may still be answered have been by now
                 self._sequences.clear()
-            most = max(self._chunk.value // self._row.itemsize, 1)
-            self._asked = most * self._row.itemsize
-            self._sequences.add(self._client.post(StreamReadRequest(self._next, most)))
+            max_samples = max(self._chunk.value // self._row.itemsize, 1)
+            self._asked = max_samples * self._row.itemsize
+            self._sequences.add(self._client.post(StreamReadRequest(self._next, max_samples)))
             self._ask_at = now + _AGAIN_S
         return max(self._ask_at - now, 1e-3)
 

@@ -16,7 +16,7 @@ from truing.errors import ClockError
 
 # Enough for a spread to mean something.
 FEWEST = 8
-# The quickest of so many neighbours stands for them: what delayed it least also displaced it least
+# The quickest of so many neighbours stands for them: the smallest delay has the smallest displacement
 # (the clock filter of NTP, RFC 5905 section 10, takes the quickest of eight).
 _NEIGHBOURS = 8
 _CONFIDENCE = 0.95
@@ -105,9 +105,7 @@ def relate(trips: Sequence[RoundTrip], resolution_s: float = 1e-6) -> ClockRelat
     ClockError : too few round trips, or no straight line fits between them all.
     """
     if len(trips) < FEWEST:
-        raise ClockError(
-            f"{len(trips)} round trips are too few to relate two clocks", f"{FEWEST} are the least"
-        )
+        raise ClockError(f"{len(trips)} round trips are too few to relate two clocks", f"{FEWEST} are needed")
     sent = np.array([trip.sent_s for trip in trips])
     received = np.array([trip.received_s for trip in trips])
     device = np.array([trip.device_s for trip in trips])
@@ -116,17 +114,17 @@ def relate(trips: Sequence[RoundTrip], resolution_s: float = 1e-6) -> ClockRelat
     base_s = float(device[0] - sent[0])
     x_sent, x_received = sent - host_s, received - host_s
     # device - base = x + (offset + drift x), so these are bounds of the bracket at the two times.
-    most = ((device - host_s - base_s) - x_sent + resolution_s) * 1e6
-    least = ((device - host_s - base_s) - x_received) * 1e6
+    upper = ((device - host_s - base_s) - x_sent + resolution_s) * 1e6
+    lower = ((device - host_s - base_s) - x_received) * 1e6
     middle_x = (x_sent + x_received) / 2
-    middle_y = (most + least) / 2
+    middle_y = (upper + lower) / 2
     took = received - sent
     chosen = _quickest(took)
     delay_us = (took - np.min(took)) * 1e6
     offset, drift, half, scatter = _regression(
         middle_x[chosen], middle_y[chosen], delay_us[chosen], resolution_s * 1e6
     )
-    offset_bounds, drift_bounds = _bounds(x_sent, most, x_received, least)
+    offset_bounds, drift_bounds = _bounds(x_sent, upper, x_received, lower)
     drift = min(max(drift, drift_bounds[0]), drift_bounds[1])
     interval = (max(drift - half, drift_bounds[0]), min(drift + half, drift_bounds[1]))
     offset = min(max(offset, offset_bounds[0]), offset_bounds[1])
@@ -180,15 +178,15 @@ def _regression(
 
 
 def _bounds(
-    x_sent: FloatArray, most: FloatArray, x_received: FloatArray, least: FloatArray
+    x_sent: FloatArray, upper: FloatArray, x_received: FloatArray, lower: FloatArray
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Of all lines below `most` and above `least` the extremes of their value at 0, and of their slope."""
+    """Of all lines below `upper` and above `lower` the extremes of their value at 0, and of their slope."""
     from scipy.optimize import linprog
 
     above = np.column_stack([np.ones_like(x_sent), x_sent])
     below = np.column_stack([np.ones_like(x_received), x_received])
     rows = np.vstack([above, -below])
-    limits = np.concatenate([most, -least])
+    limits = np.concatenate([upper, -lower])
     found = []
     for aim in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
         result = linprog(aim, A_ub=rows, b_ub=limits, bounds=[(None, None), (None, None)], method="highs")

@@ -34,9 +34,9 @@ IMPEDANCE = 0.9999
 def timestep(model: RobotModel) -> float:
     """A step short against both time constants, s; a round number, so that periods hold a whole count."""
     shortest = min(wheel.time_constant_s for _, wheel in wheels(model))
-    most = min(LONGEST_STEP_S, shortest / STEPS_PER_TIME_CONSTANT)
-    decade = math.floor(math.log10(most))
-    return max(step for step in (float(f"{d}e{decade}") for d in (1, 2, 5)) if step <= most)
+    limit_s = min(LONGEST_STEP_S, shortest / STEPS_PER_TIME_CONSTANT)
+    decade = math.floor(math.log10(limit_s))
+    return max(step for step in (float(f"{d}e{decade}") for d in (1, 2, 5)) if step <= limit_s)
 
 
 def write(model: RobotModel, path: Path, options: ExportOptions = DEFAULTS) -> tuple[Path, ...]:

@@ -1,1 +1,1 @@
-"""From recordings to gains, time constants and models, with intervals and honest reasons."""
+"""From recordings to gains, time constants and models, with intervals, or the reason why there is none."""

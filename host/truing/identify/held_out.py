@@ -25,15 +25,15 @@ class Fold:
     judged: tuple[EvenStretch, ...]
 
 
-def folds(signal: EvenSignal, most: int = MAXIMUM_FOLDS) -> list[Fold]:
+def folds(signal: EvenSignal, max_folds: int = MAXIMUM_FOLDS) -> list[Fold]:
     """Every run left out once; with one run, its end judged by a model of its beginning.
 
-    Up to `most` runs are left out one by one, more of them in that many groups (with six groups:
+    Up to `max_folds` runs are left out one by one, more of them in that many groups (with six groups:
     every sixth run together).
     """
     runs = sorted({stretch.run for stretch in signal.stretches})
     if len(runs) > 1:
-        groups = [runs[k::most] for k in range(min(len(runs), most))]
+        groups = [runs[k::max_folds] for k in range(min(len(runs), max_folds))]
         return [
             Fold(signal.select([run for run in runs if run not in group]), signal.select(group))
             for group in groups

@@ -1,4 +1,4 @@
-"""An identified number with its unit and interval, or an honest reason why there is none."""
+"""An identified number with its unit and interval, or the reason why there is none."""
 
 from __future__ import annotations
 

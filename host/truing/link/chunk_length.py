@@ -11,15 +11,15 @@ _MEMORY = 0.9
 
 
 class ChunkLength:
-    """Estimates the chance that a byte is damaged, and gives the length that wastes least.
+    """Estimates the chance that a byte is damaged, and gives the length that wastes the smallest share.
 
     With a chance p per byte and h bytes of overhead, a chunk of n bytes costs about
-    (n + h) / (n (1 - p)^(n + h)) bytes on the line per byte delivered, which is least near
+    (n + h) / (n (1 - p)^(n + h)) bytes on the line per byte delivered, which is smallest near
     n = sqrt(h / p) for small p. On a clean line that is the longest allowed.
 
     Parameters
     ----------
-    longest : the most that one reply holds, bytes.
+    longest : what one reply holds at most, bytes.
     """
 
     def __init__(self, longest: int) -> None:

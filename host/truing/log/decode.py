@@ -210,7 +210,7 @@ def _records(block: _Block, compiled: Callable[..., None] | None) -> npt.NDArray
 
 
 def _geometry(header: LogHeader) -> list[int]:
-    """Mantissa and exponent of metres per count, turn per count (2^-40), most counts that turn."""
+    """Mantissa and exponent of metres per count, turn per count (2^-40), maximum of counts that turn."""
     mantissa, exponent = _float_parts(header.metres_per_count)
     turn_mantissa, turn_exponent = _float_parts(header.turns_per_count)
     shift = turn_exponent + 40

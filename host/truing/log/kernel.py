@@ -160,7 +160,7 @@ def quotient(numerator: int, divisor: int) -> int:
 
 
 def speed_mmps(geometry: Ints, counts: int, interval_ms: int) -> int:
-    """Mean speed of a wheel, as the board works it out (`geometry`: mantissa, exponent, turn, most)."""
+    """Mean speed of a wheel, as the board works it out (`geometry`: mantissa, exponent, turn, maximum)."""
     shift = -(geometry[1] + 14)
     if interval_ms <= 0 or interval_ms > 65535 or shift < 0 or shift >= 40:
         return 0

@@ -316,7 +316,7 @@ def _search(rung: Rung, table: GainTable, start: FloatArray | None) -> FloatArra
 
 @dataclass(frozen=True, slots=True)
 class Repeat:
-    """Levels that a static model cannot tell apart, though the paper printed different gains for them."""
+    """Levels that a static model cannot distinguish, though the paper printed different gains for them."""
 
     effort: float
     pivots: bool

@@ -45,7 +45,7 @@ def test_parameters_that_differ_are_listed_with_their_estimates() -> None:
     assert "Right gain" not in text, "a number inside its interval is not off"
 
 
-def test_a_calm_verdict_beside_a_large_error_warns() -> None:
+def test_an_explained_verdict_beside_a_large_error_warns() -> None:
     explained = diagnoses.parameters_only()
     assert "the verdict is uncertain" not in said(explained)
     left = replace(explained, fit=replace(explained.fit, refit_rmse=0.03))
