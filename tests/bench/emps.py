@@ -110,14 +110,12 @@ class Segments:
             drive = drive + values["drift"] * (self.t / 12.4 - 1.0)
         if "warming" in values:
             drive = drive + values["warming"] * np.exp(-self.t / values["warming_s"])
-        out, travel = np.empty_like(self.t), np.empty_like(self.t)
         quiet = np.zeros_like(self.t)
         interval = np.full(len(speed), INTERVAL_S)
-        kernel.rollout(
-            _vector(values), self.t, self.starts, self.t, drive, quiet, self.starts, interval, speed,
-            True, 2.5e-3, out, travel,
-        )  # fmt: skip
-        return travel + self.first[self.segment]
+        inputs = kernel.Inputs(self.t, self.starts, self.t, drive, quiet, self.starts, interval, speed)
+        outputs = kernel.new_outputs(len(self.t))
+        kernel.rollout(_vector(values), inputs, outputs, True, 2.5e-3)
+        return outputs.travel + self.first[self.segment]
 
 
 def _slope(position: Array, row: int) -> float:

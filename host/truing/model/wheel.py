@@ -150,10 +150,7 @@ def simulate_physics(
     values : shape (17,), in the order of `PHYSICS_FIELDS`.
     initial_mps : shape (segments,), m/s, speed at the first row of every segment.
     """
-    n = len(excitation.t_s)
-    speed, travel = np.empty(n), np.empty(n)
-    kernel.rollout(
-        kernel_vector(values),
+    inputs = kernel.Inputs(
         excitation.t_s,
         excitation.starts,
         excitation.pieces.end_s,
@@ -162,9 +159,7 @@ def simulate_physics(
         excitation.pieces.starts,
         excitation.interval_s,
         np.ascontiguousarray(initial_mps, dtype=np.float64),
-        excitation.mean_over_interval,
-        max_step_s,
-        speed,
-        travel,
     )
-    return Response(speed, travel)
+    outputs = kernel.new_outputs(len(excitation.t_s))
+    kernel.rollout(kernel_vector(values), inputs, outputs, excitation.mean_over_interval, max_step_s)
+    return Response(outputs.speed, outputs.travel)

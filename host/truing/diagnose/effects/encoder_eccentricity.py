@@ -24,7 +24,7 @@ import numpy as np
 from truing.diagnose.data import exercise
 from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
-from truing.diagnose.simulation.jit import compiled
+from truing.model.compiled import part
 
 
 def measure(
@@ -57,7 +57,7 @@ def ground(
     return increment - radius * _change(own_sine, own_cosine, here, before)
 
 
-@compiled
+@part
 def _change(sine: float, cosine: float, angle: float, angle_before: float) -> float:
     """Change of the angle's error over a row, rad."""
     error = sine * (math.sin(angle) - math.sin(angle_before))

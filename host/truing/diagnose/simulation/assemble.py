@@ -25,9 +25,9 @@ from types import ModuleType
 from typing import Any
 
 from truing.diagnose.catalogue import Catalogue, Entry
-from truing.diagnose.simulation import jit, state
+from truing.diagnose.simulation import state
 from truing.diagnose.simulation.stages import SLOW_CONTEXT, STAGES, STATE_CONTEXT, Stage
-from truing.model import decay
+from truing.model import compiled, kernel
 
 BASELINE_PARAMETERS = 4
 # The written stages take the place of its `stage.py`.
@@ -73,11 +73,11 @@ class _Writer:
         lines = [
             '"""Stage functions of the simulation, written by truing.diagnose.simulation.assemble."""',
             "import math",
-            "from truing.diagnose.simulation.jit import compiled",
+            "from truing.model.compiled import part",
         ]
         for name, entry in self.entries.items():
             lines.append(f"import {entry.module} as _{name}")
-            lines += [f"_{name}_{hook} = compiled(_{name}.{hook})" for hook in entry.hooks]
+            lines += [f"_{name}_{hook} = part(_{name}.{hook})" for hook in entry.hooks]
         for hook in (*STAGES, "slow", "after_step"):
             lines.append(f"USES_{hook.upper()} = {self._uses(hook)}")
         lines.append(f"USES_ANGLE = {self._uses('push', 'angle_start') | self._uses('push', 'angle_end')}")
@@ -107,7 +107,7 @@ class _Writer:
         arguments += [name for name in stage.context if name not in elsewhere]
         if hook == "measure":
             arguments += ["states", "states_before"]
-        lines = ["@compiled", f"def {hook}({', '.join(arguments)}):", f"    value = {start}"]
+        lines = ["@part", f"def {hook}({', '.join(arguments)}):", f"    value = {start}"]
         for name, entry in self.entries.items():
             if hook not in entry.hooks:
                 continue
@@ -126,7 +126,7 @@ class _Writer:
         return [*lines, "    return value"]
 
     def _slow_states(self) -> list[str]:
-        lines = ["@compiled", "def slow_states(p, active, dt, heat, draw, elapsed, slows):", "    pass"]
+        lines = ["@part", "def slow_states(p, active, dt, heat, draw, elapsed, slows):", "    pass"]
         for name, slot in self.slow_slot.items():
             call = self._call(name, "slow", {item: item for item in SLOW_CONTEXT} | {"out": f"slows[{slot}]"})
             lines += self._if_active(name, call)
@@ -134,7 +134,7 @@ class _Writer:
 
     def _after_step(self) -> list[str]:
         signature = "p, active, wheel, states, h, speed_start, speed_end, travel"
-        lines = ["@compiled", f"def after_step({signature}):", "    pass"]
+        lines = ["@part", f"def after_step({signature}):", "    pass"]
         for name, slot in self.state_slot.items():
             state = f"states[{slot}, wheel]"
             call = self._call(name, "after_step", {item: item for item in STATE_CONTEXT} | {"state": state})
@@ -203,8 +203,8 @@ def kernel_of(catalogue: Catalogue) -> Kernel:
 
 
 def _fingerprint(catalogue: Catalogue, stages: str) -> str:
-    files = [*sorted(KERNEL.glob("*.py")), *(Path(inspect.getfile(module)) for module in (state, jit, decay))]
-    files += [Path(inspect.getfile(sys.modules[entry.module])) for entry in catalogue.entries.values()]
+    modules = [state, compiled, kernel, *(sys.modules[entry.module] for entry in catalogue.entries.values())]
+    files = [*sorted(KERNEL.glob("*.py")), *(Path(inspect.getfile(module)) for module in modules)]
     text = "\0".join([stages, *(file.read_text(encoding="utf-8") for file in files)])
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 

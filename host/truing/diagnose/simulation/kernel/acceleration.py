@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 
-from truing.diagnose.simulation.jit import compiled
 from truing.diagnose.simulation.state import Record, Records, Robot
+from truing.model.compiled import part
 
 from . import stage
 
 
-@compiled
+@part
 def evaluate(
     robot: Robot, wheels: Records, both: Record, row: int, elapsed: float, heading: float, starting: bool
 ) -> None:
@@ -66,7 +66,7 @@ def evaluate(
                 _hold(wheel)
 
 
-@compiled
+@part
 def _supply(robot: Robot, wheels: Records, row: int) -> float:
     """Supply voltage over nominal."""
     if not robot.active & stage.USES_SUPPLY:
@@ -79,7 +79,7 @@ def _supply(robot: Robot, wheels: Records, row: int) -> float:
     return float(stage.supply(robot.p, robot.active, 0, row, robot.slows, square, speed))
 
 
-@compiled
+@part
 def _hold(wheel: Record) -> None:
     """No change of speed."""
     wheel.level = 0.0
@@ -87,7 +87,7 @@ def _hold(wheel: Record) -> None:
     wheel.transient = 0.0
 
 
-@compiled
+@part
 def _set_numbers(robot: Robot, wheel: Record, w: int, row: int, elapsed: float, starting: bool) -> None:
     """Rate, acceleration per effort and friction of one wheel in its direction."""
     p, active, slows = robot.p, robot.active, robot.slows
@@ -108,7 +108,7 @@ def _set_numbers(robot: Robot, wheel: Record, w: int, row: int, elapsed: float, 
         wheel.limited = math.copysign(1.0, motor) if abs(motor) > robot.torque_limit else 0.0
 
 
-@compiled
+@part
 def _scrub(wheels: Records, both: Record, limit: float, scrub: float) -> bool:
     """How much of the scrub acts (`both.scrub`), and whether it locks the wheels together.
 
@@ -145,7 +145,7 @@ def _scrub(wheels: Records, both: Record, limit: float, scrub: float) -> bool:
     return True
 
 
-@compiled
+@part
 def _couple(wheels: Records, share: float, starting: bool) -> None:
     """Add the other wheel's share; a wheel that is held hands back what it was given."""
     for w in range(2):

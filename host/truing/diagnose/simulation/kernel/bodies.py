@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 
-from truing.diagnose.simulation.jit import compiled
 from truing.diagnose.simulation.state import Bodies, Record
-from truing.model.decay import decay_integral
+from truing.model.compiled import part
+from truing.model.kernel import decay_integral
 
 from .tolerances import PAST_EVENT_S, SAME_MPS, TINY_S
 
@@ -27,7 +27,7 @@ BISECTIONS = 45
 NO_EVENT, MOTOR_STOPS, RIM_STOPS, TOUCHES_BEHIND, TOUCHES_AHEAD, GRIPS, OPENS = range(7)
 
 
-@compiled
+@part
 def start_bodies(wheel: Record, v: float, keep_place: bool) -> None:
     """All bodies at one speed; the place in the gap stays, or is unknown and taken as the middle."""
     wheel.motor_speed = v
@@ -40,7 +40,7 @@ def start_bodies(wheel: Record, v: float, keep_place: bool) -> None:
         wheel.touch = 0.0
 
 
-@compiled
+@part
 def advance_bodies(
     wheel: Record,
     h: float,
@@ -86,7 +86,7 @@ def advance_bodies(
     return travelled
 
 
-@compiled
+@part
 def _open_gap(wheel: Record, b: Bodies) -> None:
     """Part the sides of the gap where the motor's side would have to pull the other along."""
     v, side = wheel.motor_speed, wheel.motor_side
@@ -104,7 +104,7 @@ def _open_gap(wheel: Record, b: Bodies) -> None:
         wheel.touch = 0.0
 
 
-@compiled
+@part
 def _sliding(wheel: Record, b: Bodies) -> float:
     """Direction in which the tyre slides, 0 while it rolls; it lets go where rolling asks too much."""
     if not wheel.rolls:
@@ -123,7 +123,7 @@ def _sliding(wheel: Record, b: Bodies) -> float:
     return 0.0
 
 
-@compiled
+@part
 def _set_clusters(wheel: Record, b: Bodies, sliding: float) -> None:
     """Speed, level and rate of what moves as one."""
     motor, rim, robot = wheel.motor_side, wheel.rim_side, wheel.robot_side
@@ -141,19 +141,19 @@ def _set_clusters(wheel: Record, b: Bodies, sliding: float) -> None:
         robot.speed, robot.level, robot.rate, robot.held = wheel.robot_speed, sliding * b.grip, 0.0, False
 
 
-@compiled
+@part
 def _pull(wheel: Record, b: Bodies, sliding: float) -> float:
     """Effort with which a sliding tyre acts on the rim."""
     return 0.0 if wheel.rolls else -sliding * b.robot_share * b.grip / b.slope
 
 
-@compiled
+@part
 def _rim_share(wheel: Record, b: Bodies) -> float:
     """Share of the inertia that moves with the rim, without the motor's."""
     return b.rim_share + (b.robot_share if wheel.rolls else 0.0)
 
 
-@compiled
+@part
 def _set_cluster(
     side: Record, v: float, share: float, force: float, dry: float, slope: float, back_emf: float
 ) -> None:
@@ -167,12 +167,12 @@ def _set_cluster(
         side.rate = slope / share * back_emf
 
 
-@compiled
+@part
 def _copy(source: Record, goal: Record) -> None:
     goal.speed, goal.level, goal.rate, goal.held = source.speed, source.level, source.rate, source.held
 
 
-@compiled
+@part
 def _first_event(wheel: Record, b: Bodies, h: float, sliding: float) -> tuple[float, int]:
     """When the first event comes, s, at most `h`, and which it is."""
     event = NO_EVENT
@@ -198,7 +198,7 @@ def _first_event(wheel: Record, b: Bodies, h: float, sliding: float) -> tuple[fl
     return h, event
 
 
-@compiled
+@part
 def _same_way(wheel: Record, h: float) -> float:
     """How long up to `h` the motor's side drifts one way through the gap, s.
 
@@ -219,7 +219,7 @@ def _same_way(wheel: Record, h: float) -> float:
     return _meeting(motor, rim, h, before)
 
 
-@compiled
+@part
 def _opening(wheel: Record, b: Bodies, h: float) -> float:
     """When the motor's side begins to hand nothing on, s; negative if it does not by `h`."""
     side, touch = wheel.motor_side, wheel.touch
@@ -235,7 +235,7 @@ def _opening(wheel: Record, b: Bodies, h: float) -> float:
     return float((goal - v) / level)
 
 
-@compiled
+@part
 def _stop(side: Record, h: float) -> float:
     """When a cluster stops, s; negative if it does not by `h`."""
     v, level, rate = side.speed, side.level, side.rate
@@ -244,7 +244,7 @@ def _stop(side: Record, h: float) -> float:
     return -1.0
 
 
-@compiled
+@part
 def _contact(wheel: Record, b: Bodies, h: float, wall: float) -> float:
     """When the motor's side reaches this end of the gap, which it has passed at `h`, s."""
     outward = 2.0 * wall - 1.0
@@ -258,7 +258,7 @@ def _contact(wheel: Record, b: Bodies, h: float, wall: float) -> float:
     return high
 
 
-@compiled
+@part
 def _meeting(a: Record, b: Record, h: float, before: float) -> float:
     """When two clusters have one speed, s; the sign of their difference at first is that of `before`."""
     low, high = 0.0, h
@@ -271,7 +271,7 @@ def _meeting(a: Record, b: Record, h: float, before: float) -> float:
     return high
 
 
-@compiled
+@part
 def _move(wheel: Record, b: Bodies, h: float, event: int) -> float:
     """Advance all clusters by `h`; returns the travel of the motor's side, m."""
     motor, rim, robot = wheel.motor_side, wheel.rim_side, wheel.robot_side
@@ -291,7 +291,7 @@ def _move(wheel: Record, b: Bodies, h: float, event: int) -> float:
     return _travel(motor, h)
 
 
-@compiled
+@part
 def _set_contact(wheel: Record, b: Bodies, event: int) -> None:
     """Speeds and contacts after an event of the gap or the tyre."""
     if event in (TOUCHES_BEHIND, TOUCHES_AHEAD):
@@ -308,25 +308,25 @@ def _set_contact(wheel: Record, b: Bodies, event: int) -> None:
         wheel.robot_speed = wheel.rim_speed
 
 
-@compiled
+@part
 def _place(wheel: Record, b: Bodies, h: float) -> float:
     """Place of the motor's side in the gap after `h`."""
     return float(wheel.place + (_travel(wheel.motor_side, h) - _travel(wheel.rim_side, h)) / b.gap)
 
 
-@compiled
+@part
 def _difference(a: Record, b: Record, h: float) -> float:
     """Speed of one cluster against another's after `h`."""
     return _end(a, h) - _end(b, h)
 
 
-@compiled
+@part
 def _end(side: Record, h: float) -> float:
     """Speed after `h`."""
     return float(side.speed * math.exp(-side.rate * h) + side.level * decay_integral(side.rate, h))
 
 
-@compiled
+@part
 def _travel(side: Record, h: float) -> float:
     """Travel in `h`."""
     v, level, rate = side.speed, side.level, side.rate

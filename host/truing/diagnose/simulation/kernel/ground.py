@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from truing.arrays import FloatArray, IntArray
-from truing.diagnose.simulation.jit import cached
 from truing.diagnose.simulation.state import Inputs
+from truing.model.compiled import cached
 
 from . import stage
 

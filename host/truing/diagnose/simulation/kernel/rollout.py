@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 
 from truing.arrays import FloatArray, IntArray
-from truing.diagnose.simulation.jit import cached, compiled
 from truing.diagnose.simulation.state import Inputs, Record, Records, Robot, Scratch
+from truing.model.compiled import cached, part
 
 from . import stage
 from .bodies import start_bodies
@@ -57,8 +57,8 @@ def rollout(
                 span = until - now
                 count = 1 if step_s == math.inf else max(1, math.ceil(span / (step_s * coarser[row]) - 1e-9))
                 size = span / count
-                for part in range(count):
-                    _substep(robot, inputs, wheels, both, row, until - (count - 1 - part) * size, size, track)
+                for k in range(count):
+                    _substep(robot, inputs, wheels, both, row, until - (count - 1 - k) * size, size, track)
                 now = until
             _finish_row(robot, inputs, scratch, row)
 
@@ -77,7 +77,7 @@ def slow(
     stage.slow_states(p, active, dt, heat, draw, elapsed, slows)
 
 
-@compiled
+@part
 def _robot(p: FloatArray, active: int, inputs: Inputs, scratch: Scratch) -> Robot:
     """What the effects that are on give for the whole simulation."""
     return Robot(
@@ -99,7 +99,7 @@ def _robot(p: FloatArray, active: int, inputs: Inputs, scratch: Scratch) -> Robo
     )
 
 
-@compiled
+@part
 def _start_segment(robot: Robot, inputs: Inputs, scratch: Scratch, segment: int, in_gap: bool) -> None:
     """Both wheels at their initial speeds; `in_gap`: where the motors stand in their gaps is known."""
     first = inputs.start[segment]
@@ -130,7 +130,7 @@ def _start_segment(robot: Robot, inputs: Inputs, scratch: Scratch, segment: int,
     forget(scratch.both[0].lag)
 
 
-@compiled
+@part
 def _command(robot: Robot, wheel: Record, w: int, effort: float) -> None:
     """Set what the driver is told and what it gives out for it."""
     wheel.command = effort
@@ -139,7 +139,7 @@ def _command(robot: Robot, wheel: Record, w: int, effort: float) -> None:
         wheel.target = stage.drive(robot.p, robot.active, w, effort)
 
 
-@compiled
+@part
 def _read_input(robot: Robot, inputs: Inputs, wheels: Records, segment: int, now: float) -> float:
     """Set both wheels' input as it is at `now`; returns when it changes next, s."""
     begin = inputs.t[inputs.start[segment]]
@@ -161,7 +161,7 @@ def _read_input(robot: Robot, inputs: Inputs, wheels: Records, segment: int, now
     return until
 
 
-@compiled
+@part
 def _start_row(scratch: Scratch) -> None:
     for w in range(2):
         wheel = scratch.wheels[w]
@@ -173,7 +173,7 @@ def _start_row(scratch: Scratch) -> None:
     scratch.both[0].draw = 0.0
 
 
-@compiled
+@part
 def _substep(
     robot: Robot,
     inputs: Inputs,
@@ -201,7 +201,7 @@ def _substep(
             break
 
 
-@compiled
+@part
 def _angle(inputs: Inputs, row: int, w: int, z: float) -> float:
     """Measured wheel angle at the share z of a row: the cubic through its two ends with their rates."""
     y = 1.0 - z
@@ -214,7 +214,7 @@ def _angle(inputs: Inputs, row: int, w: int, z: float) -> float:
     )
 
 
-@compiled
+@part
 def _finish_row(robot: Robot, inputs: Inputs, scratch: Scratch, row: int) -> None:
     """Write what the recorder would report of the row, and what was lost on the way to the ground."""
     active, dt = robot.active, inputs.dt[row]

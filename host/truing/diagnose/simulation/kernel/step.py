@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 
-from truing.diagnose.simulation.jit import compiled
 from truing.diagnose.simulation.state import Record, Records, Robot
-from truing.model.decay import decay_integral
+from truing.model.compiled import part
+from truing.model.kernel import decay_integral
 
 from . import stage
 from .acceleration import evaluate
@@ -28,7 +28,7 @@ BISECTIONS = 44
 LAST_ATTEMPT = 3
 
 
-@compiled
+@part
 def step(
     robot: Robot,
     wheels: Records,
@@ -70,7 +70,7 @@ def step(
     return h
 
 
-@compiled
+@part
 def _set_duties(robot: Robot, wheels: Records, both: Record, h: float) -> float:
     """Start the substep; returns the share of a lag's transient that is left on average."""
     share = 1.0
@@ -87,7 +87,7 @@ def _set_duties(robot: Robot, wheels: Records, both: Record, h: float) -> float:
     return share
 
 
-@compiled
+@part
 def _predict_middle(robot: Robot, wheels: Records, h: float) -> None:
     """Set the speeds of the substep's middle."""
     for w in range(2):
@@ -99,7 +99,7 @@ def _predict_middle(robot: Robot, wheels: Records, h: float) -> None:
             wheel.operating_speed = 0.0 if reversed_ else v
 
 
-@compiled
+@part
 def _lock(wheels: Records, both: Record, h: float, scrub: float) -> None:
     """Scrub that keeps two wheels of equal speed equal over a substep, as far as it reaches."""
     apart, pull = 0.0, 0.0
@@ -117,7 +117,7 @@ def _lock(wheels: Records, both: Record, h: float, scrub: float) -> None:
     wheels[1].level += wheels[1].slope * wanted
 
 
-@compiled
+@part
 def _first_event(
     robot: Robot, wheels: Records, both: Record, h: float, share: float, known: int, goal: float
 ) -> tuple[float, int, float]:
@@ -162,7 +162,7 @@ def _first_event(
     return first, event, goal
 
 
-@compiled
+@part
 def _set_end(wheel: Record, h: float, lag: float, share: float) -> float:
     """Set and return the speed at the substep's end; as `_speed_after`, with remembered exponentials."""
     remember(wheel.whole, wheel.rate, h)
@@ -175,7 +175,7 @@ def _set_end(wheel: Record, h: float, lag: float, share: float) -> float:
     return float(end)
 
 
-@compiled
+@part
 def _speed_after(wheel: Record, h: float, lag: float, share: float) -> float:
     """Speed of one wheel after `h`; `share` is the part of `transient` that `level` holds already."""
     integral = decay_integral(wheel.rate, h)
@@ -186,7 +186,7 @@ def _speed_after(wheel: Record, h: float, lag: float, share: float) -> float:
     return float(speed)
 
 
-@compiled
+@part
 def _over(wheels: Records, w: int, h: float, goal: float, lag: float, share: float) -> float:
     """Speed of a wheel over the goal after `h`; with w = MEETING the left wheel's over the right one's."""
     if w == MEETING:
@@ -194,7 +194,7 @@ def _over(wheels: Records, w: int, h: float, goal: float, lag: float, share: flo
     return _speed_after(wheels[w], h, lag, share) - goal
 
 
-@compiled
+@part
 def _crossing(wheels: Records, w: int, h: float, goal: float, lag: float, share: float) -> float:
     """When a wheel reaches the goal, s, where it has crossed it by `h`; negative if it does not.
 
@@ -219,7 +219,7 @@ def _crossing(wheels: Records, w: int, h: float, goal: float, lag: float, share:
     return 0.5 * (low + high)
 
 
-@compiled
+@part
 def _breakaway(wheel: Record, lag: float, h: float) -> float:
     """When a lagged effort that grows overcomes what holds the wheel at rest, s; negative if it does not."""
     scale = wheel.effort / wheel.mean_duty if wheel.mean_duty != 0.0 else 1.0
@@ -235,7 +235,7 @@ def _breakaway(wheel: Record, lag: float, h: float) -> float:
     return -1.0
 
 
-@compiled
+@part
 def _advance(robot: Robot, wheel: Record, h: float, at_goal: bool, goal: float) -> None:
     """Travel of one wheel, and its speed at the end where an event sets it."""
     v, rate = wheel.speed, wheel.rate
@@ -252,7 +252,7 @@ def _advance(robot: Robot, wheel: Record, h: float, at_goal: bool, goal: float) 
         wheel.end = 0.0
 
 
-@compiled
+@part
 def _advance_bodies(robot: Robot, wheel: Record, w: int, h: float) -> None:
     """The same where a gap or a sliding tyre splits the wheel into bodies."""
     gap = stage.gap(robot.p, robot.active, w, robot.radius)
@@ -267,7 +267,7 @@ def _advance_bodies(robot: Robot, wheel: Record, w: int, h: float) -> None:
     wheel.end = wheel.motor_speed
 
 
-@compiled
+@part
 def _finish(robot: Robot, wheel: Record, both: Record, w: int, h: float, track: bool) -> None:
     """Take over what the substep came to."""
     active = robot.active
