@@ -66,7 +66,7 @@ LINE_WIDTH = 100
 )
 @click.option("--wheel", type=click.Choice(["left", "right"]), help="Judge this wheel alone.")
 @click.option("--wheels-only", is_flag=True, help="Ignore the external pose (truth_*).")
-@click.option("--jobs", type=click.IntRange(min=1), help="Threads.  [default: one for each core]")
+@click.option("--jobs", type=click.IntRange(min=1), help="Threads.  [default: one for each processor]")
 @pass_app
 def command(
     app: App,

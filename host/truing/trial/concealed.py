@@ -32,7 +32,7 @@ class Asked:
     effect : `random`, `pair`, `outside`, `none`, or names with commas between.
     plans : drive these instead of drawn ones.
     weak : S below 1; drawn where None.
-    core : on the controller's core alone instead of the flashed image.
+    core : on the host robot (the firmware core on this machine) instead of the flashed image.
     more_runs : so many of the runs that an undecided verdict proposes are driven on the same robot.
     judged : where the judging runs and the truth go once the seal is opened; None: there are none.
     """

@@ -102,7 +102,7 @@ class RecordingBuilder:
 
     Parameters
     ----------
-    on_board : on the virtual board with the flashed image, or on the core alone.
+    on_board : on the virtual board with the flashed image, or on the host robot.
     folder : where the recording set goes.
     """
 
