@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import TracebackType
 
 import numpy as np
 import numpy.typing as npt
@@ -14,12 +13,13 @@ from hil_sim import native
 from hil_sim.plant import PlantState, RobotParameters, params_of
 from hil_sim.recorded import SAMPLE, Samples, steps_of
 from hil_sim.robot import DEFAULT_BOARD_ID, VirtualRobotError
+from hil_sim.simulated import Simulated
 from hil_sim.unmodelled_effects import UnmodelledEffects
 
 _BUFFER_SIZE = 65536
 
 
-class HostRobot:
+class HostRobot(Simulated):
     """A robot whose controller runs as this machine's code, hundreds of times faster than real time.
 
     The same face to the host as `VirtualRobot` has: virtual time, a link, a robot's truth.
@@ -71,26 +71,10 @@ class HostRobot:
             self._library.host_robot_destroy(self._robot)
             self._robot = None
 
-    def __enter__(self) -> HostRobot:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def __del__(self) -> None:
-        self.close()
-
     @property
     def time_us(self) -> int:
         """Virtual time since creation, microseconds."""
         return int(self._library.host_robot_time_us(self._robot))
-
-    @property
-    def time_s(self) -> float:
-        """Virtual time since creation, seconds."""
-        return self.time_us * 1e-6
 
     def run_us(self, n: int) -> None:
         """Advance virtual time by `n` microseconds."""

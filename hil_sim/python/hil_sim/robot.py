@@ -7,13 +7,13 @@ import enum
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 from hil_sim import native
 from hil_sim.can_bus import VirtualCanBus
 from hil_sim.elf import Image
 from hil_sim.plant import PlantState, RobotParameters, params_of
+from hil_sim.simulated import Simulated
 from hil_sim.unmodelled_effects import UnmodelledEffects
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ class BoardWarning:
     hits: int
 
 
-class VirtualRobot:
+class VirtualRobot(Simulated):
     """A board with an image in flash, switched on, and the robot it drives.
 
     Parameters
@@ -163,28 +163,12 @@ class VirtualRobot:
             self._library.rig_destroy(self._rig)
             self._rig = None
 
-    def __enter__(self) -> VirtualRobot:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
-    def __del__(self) -> None:
-        self.close()
-
     # time
 
     @property
     def time_us(self) -> int:
         """Virtual time since creation, microseconds."""
         return int(self._library.rig_time_us(self._rig))
-
-    @property
-    def time_s(self) -> float:
-        """Virtual time since creation, seconds."""
-        return self.time_us * 1e-6
 
     def run_us(self, n: int) -> None:
         """Advance virtual time by `n` microseconds; the result does not depend on how a span is split.
