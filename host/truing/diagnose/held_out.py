@@ -9,7 +9,7 @@ import numpy as np
 from truing.arrays import FloatArray, IntArray
 from truing.diagnose.data.set_data import SetData
 from truing.diagnose.fit import Fit, fit
-from truing.diagnose.problem import Problem
+from truing.diagnose.problem import Problem, weighted_rms
 
 FOLDS = 4
 
@@ -27,10 +27,9 @@ class HeldOut:
     error: FloatArray
     pose: FloatArray
 
-    def rmse(self, counted: FloatArray, wheels: tuple[int, ...] = (0, 1)) -> float:
-        """Root mean square over counted rows of these wheels, m/s."""
-        weight = counted[:, list(wheels)] > 0.0
-        return float(np.sqrt(np.mean(self.error[:, list(wheels)][weight] ** 2))) if weight.any() else 0.0
+    def rmse(self, weight: FloatArray, wheels: tuple[int, ...] = (0, 1)) -> float:
+        """Root mean square of these wheels' errors by row weights (n, 2), m/s."""
+        return weighted_rms(self.error[:, list(wheels)], weight[:, list(wheels)])
 
 
 def folds_of(data: SetData) -> IntArray:

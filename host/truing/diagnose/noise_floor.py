@@ -71,4 +71,3 @@ def _second_differences(t: FloatArray, v: FloatArray) -> FloatArray:
     deviation = v[1:-1] - before * v[:-2] - after * v[2:]
     moving = (v[:-2] != 0.0) | (v[1:-1] != 0.0) | (v[2:] != 0.0)
     return np.asarray((deviation / np.sqrt(1.0 + before**2 + after**2))[moving])
-

@@ -157,13 +157,20 @@ class Problem:
         """The same problem with other row and window weights."""
         return replace(self, counted=counted, pose_counted=pose_counted)
 
+    @cached_property
+    def measured(self) -> FloatArray:
+        """Weights (n, 2) of the counted rows in a free-run error: how many recorded rows each stands for."""
+        return np.asarray(np.where(self.counted > 0.0, self.data.stands_for, 0.0))
+
     def free_run_rmse(self, speeds: FloatArray) -> float:
-        """Root mean square over counted rows of measured minus simulated speeds (n, 2), m/s."""
-        error = (self.data.speed_mps - speeds)[self.counted > 0.0]
-        return float(np.sqrt(np.mean(error**2))) if error.size else 0.0
+        """Root mean square over all recorded rows of measured minus simulated speeds (n, 2), m/s.
+
+        The simulation is sampled as the recorder samples: a repeated row has the error of its measurement.
+        """
+        return weighted_rms(self.data.speed_mps - speeds, self.measured)
 
     def rms_by_wheel(self, speeds: FloatArray) -> FloatArray:
-        """The same for each wheel, shape (2,), m/s, the rows by their weight."""
+        """Root mean square of the counted rows by their weight in a fit, for each wheel, shape (2,), m/s."""
         square = self.counted * np.where(self.counted > 0.0, self.data.speed_mps - speeds, 0.0) ** 2
         return np.asarray(np.sqrt(square.sum(axis=0) / np.maximum(self.counted.sum(axis=0), 1.0)))
 
@@ -193,6 +200,12 @@ class Problem:
         return self.base_columns + tuple(
             column for name in effects for column in effect_columns(self.simulator, name)
         )
+
+
+def weighted_rms(error: FloatArray, weight: FloatArray) -> float:
+    """Root mean square of an error by weights of the same shape; 0 where none is positive."""
+    total = float(weight.sum())
+    return float(np.sqrt(np.sum(weight * np.where(weight > 0.0, error, 0.0) ** 2) / total)) if total else 0.0
 
 
 def moves_pose(column: Column, commanded: bool) -> bool:

@@ -117,8 +117,8 @@ def _left_over(reasoning: Reasoning) -> float:
 
 def _notes(reasoning: Reasoning, base: HeldOut, shown: _Evaluated) -> tuple[str, ...]:
     """Where the order of the errors does not hold on runs left out, this is said."""
-    counted = reasoning.problem.counted
-    before, after = base.rmse(counted), shown.held_out.rmse(counted)
+    weight = reasoning.problem.measured
+    before, after = base.rmse(weight), shown.held_out.rmse(weight)
     if shown.fit.effects and after > before and not len(reasoning.problem.pose_counted):
         return ("on runs left out of the fit the named effects do not lower the error",)
     return ()
@@ -153,7 +153,7 @@ def _effects(
             errors = (
                 (pose_rmse(problem, before.pose), pose_rmse(problem, after.pose))
                 if pose
-                else (before.rmse(problem.counted, wheels), after.rmse(problem.counted, wheels))
+                else (before.rmse(problem.measured, wheels), after.rmse(problem.measured, wheels))
             )
             out.append(
                 NamedEffect(
@@ -230,8 +230,8 @@ def _errors(reasoning: Reasoning, base: HeldOut, shown: _Evaluated) -> FitErrors
         refit,
         model,
         min(float(np.sqrt(np.mean(problem.floor.rms**2))), model),
-        heldout_refit_rmse=base.rmse(problem.counted),
-        heldout_model_rmse=shown.held_out.rmse(problem.counted),
+        heldout_refit_rmse=base.rmse(problem.measured),
+        heldout_model_rmse=shown.held_out.rmse(problem.measured),
     )
 
 
@@ -310,7 +310,7 @@ def _best_on_unseen_runs(reasoning: Reasoning) -> dict[tuple[str, ...], float]:
     windows = pose_folds(reasoning.problem, folds)
     return {
         effect_set(*one.effects): held_out(reasoning.problem, one, folds, windows).rmse(
-            reasoning.problem.counted
+            reasoning.problem.measured
         )
         for one in best
     }
@@ -367,10 +367,10 @@ def _splits(problem: Problem, folds: IntArray, before: HeldOut, after: HeldOut) 
     out = []
     for part in np.unique(folds):
         rows = folds == part
-        counted = problem.counted * rows[:, None]
+        weight = problem.measured * rows[:, None]
         judged = [data.names[run] for run in np.unique(data.run_of_row[rows])]
         fitted = [data.names[run] for run in np.unique(data.run_of_row[~rows])]
-        out.append(Split(tuple(fitted), tuple(judged), before.rmse(counted), after.rmse(counted), floor))
+        out.append(Split(tuple(fitted), tuple(judged), before.rmse(weight), after.rmse(weight), floor))
     return tuple(out)
 
 

@@ -50,9 +50,9 @@ class UnseenRuns:
             folds = folds_of(data)
             found = held_out(self.problem, one, folds, pose_folds(self.problem, folds))
             pose = pose_rmse(self.problem, found.pose) if len(found.pose) else 0.0
-            square = (found.error**2 * (self.problem.counted > 0.0)).sum(axis=1)
+            square = (found.error**2 * self.problem.measured).sum(axis=1)
             by_run: FloatArray = np.bincount(data.run_of_row, square, data.runs).astype(np.float64)
-            self._known[name] = UnseenErrors(found.rmse(self.problem.counted), pose, by_run)
+            self._known[name] = UnseenErrors(found.rmse(self.problem.measured), pose, by_run)
         return self._known[name]
 
     def benefit(self, one: Fit, other: Fit) -> float:

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 
 from truing.diagnose.data.recorder import at_renewals, renewals, repeated_rows
+from truing.diagnose.data.set_data import set_data
+from truing.recording.baseline import Baseline, WheelModel
 from truing.recording.run import RecordingSet, Run
 
 ROW_S = 0.005
@@ -70,6 +75,34 @@ def test_a_row_at_which_only_the_other_wheel_was_renewed_is_no_measurement() -> 
         changed = np.append(True, np.diff(run.columns[f"vel_{side}_mps"]) != 0.0)
         assert not mask[changed, wheel].any()
         assert mask[:, wheel].mean() > 0.3
+
+
+def test_an_old_value_is_no_measurement_while_the_next_renewal_may_be_late() -> None:
+    original = ramp(50)
+    left = original.columns["vel_left_mps"].copy()
+    left[400:408] = left[399]  # this renewal comes 40 ms late
+    late = replace(original, columns=original.columns | {"vel_left_mps": left})
+    recordings = RecordingSet("held", (late,))
+    reduced = at_renewals(recordings)
+    (mask,) = repeated_rows(recordings, reduced)
+    run = reduced.runs[0]
+    stale = (run.t_s >= 400 * ROW_S) & (run.t_s < 408 * ROW_S)
+    assert stale.any()
+    assert mask[stale, 0].all()
+
+
+def test_a_measurement_stands_for_the_rows_that_repeat_it() -> None:
+    recordings = RecordingSet("held", (ramp(10), ramp(10, seconds=4.0)))
+    reduced = at_renewals(recordings)
+    wheel = WheelModel(1.0, 0.3)
+    baseline = Baseline(Path("baseline.toml"), wheel, wheel)
+    data = set_data(replace(reduced, baseline=baseline), repeated=repeated_rows(recordings, reduced))
+    measured = data.valid[:, 0] & (data.speed_mps[:, 0] != 0.0)
+    row_s = float(np.median([run.interval_s for run in reduced]))
+    np.testing.assert_allclose(np.median(data.stands_for[measured, 0]) * row_s, 10 * ROW_S, rtol=1e-6)
+    length_s = sum(float(run.t_s[-1] - run.t_s[0]) + run.interval_s for run in reduced)
+    np.testing.assert_allclose(data.stands_for[:, 0].sum() * row_s, length_s, rtol=1e-6)
+    assert not data.stands_for[~data.valid[:, 0], 0].any()
 
 
 def test_counts_stay_as_they_are() -> None:

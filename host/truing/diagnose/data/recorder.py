@@ -26,8 +26,8 @@ MIN_SPACING_S = 0.018
 # Renewals closer together than this share of the usual time (one wheel's after the other's) make one row: a
 # speed taken for newer than it is looks like a delay that varies.
 SAME_RENEWAL = 0.26
-# An unchanged value after this share of the usual time was measured anew.
-SOONEST = 0.9
+# An unchanged value was measured anew after so many times the usual time: sooner, the renewal may be late.
+SURELY_RENEWED = 1.5
 # Below this size of set a step that all changes are multiples of is not looked for.
 MIN_STEPS = 20
 
@@ -87,11 +87,11 @@ def repeated_rows(recordings: RecordingSet, reduced: RecordingSet) -> tuple[Bool
 
 
 def _too_early(values: FloatArray, t_s: FloatArray, every_s: float) -> BoolArray:
-    """Rows, shape (n,), whose value did not change, sooner after the last measurement than the usual time."""
+    """Rows, shape (n,), whose value did not change and may be the last measurement's."""
     early = ~_changed(values)
     last_s = t_s[0]
     for row in range(len(values)):
-        early[row] &= t_s[row] - last_s < SOONEST * every_s
+        early[row] &= t_s[row] - last_s < SURELY_RENEWED * every_s
         if not early[row]:
             last_s = t_s[row]
     return early

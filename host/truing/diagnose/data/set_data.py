@@ -65,6 +65,8 @@ class SetData:
     pieces : (left, right): the effort as the simulation sees it, cut where an edge fell inside a row.
     speed_mps : shape (n, 2), m/s, measured, mean over the interval (from the best source there is).
     valid : shape (n, 2), False where a row is not a valid measurement: a jump, a dead wheel.
+    stands_for : shape (n, 2), rows of the recording that a row's measurement stands for: more than one
+        where the recorder repeated it.
     source : the columns that the speed comes from.
     resolution_mps : one count per row; 0 where counts are not known.
     initial_mps : shape (segments, 2), m/s, speed at each segment's first row: 0 for a start at rest.
@@ -99,6 +101,7 @@ class SetData:
     pieces: tuple[Pieces, Pieces]
     speed_mps: FloatArray
     valid: BoolArray
+    stands_for: FloatArray
     source: SpeedSource
     resolution_mps: float
     initial_mps: FloatArray
@@ -245,6 +248,7 @@ def set_data(
         pieces=held_pieces(t_s, effort, starts, interval_s),
         speed_mps=speed,
         valid=_valid(joined, baseline, measured, repeated),
+        stands_for=_rows_of_measurements(joined, repeated),
         source=source,
         resolution_mps=_resolution(joined, baseline, source, travel),
         initial_mps=initial_speeds(t_s, effort, speed, starts, baseline),
@@ -311,6 +315,21 @@ def _valid(
     if repeated is not None:
         valid = [mask & ~rows for mask, rows in zip(valid, repeated, strict=True)]
     return np.concatenate([mask[keep] for mask, keep in zip(valid, joined.rows, strict=True)])
+
+
+def _rows_of_measurements(joined: JoinedRuns, repeated: Sequence[BoolArray] | None) -> FloatArray:
+    """The time from each measurement of a wheel to the next over the usual interval, shape (n, 2)."""
+    if repeated is None:
+        return np.ones((len(joined.run_of_row), 2))
+    usual_s = float(np.median([run.interval_s for run in joined.runs]))
+    out = []
+    for run, held in zip(joined.runs, repeated, strict=True):
+        until_next = np.diff(run.t_s, append=run.t_s[-1] + run.interval_s)
+        until_next[run.gaps() - 1] = run.interval_s
+        row = np.arange(len(run))
+        last = [np.maximum.accumulate(np.where(held[:, wheel], 0, row)) for wheel in (0, 1)]
+        out.append(np.stack([np.bincount(at, until_next, len(run)) for at in last], axis=1) / usual_s)
+    return joined.join(out)
 
 
 def _resolution(joined: JoinedRuns, baseline: Baseline, source: SpeedSource, travel: FloatArray) -> float:
