@@ -39,7 +39,7 @@ def covariance(problem: Problem, done: Fit) -> FloatArray:
     jacobian = raw * (CLIP / np.maximum(np.abs(flat), CLIP))[:, None]
     scale = np.sqrt(np.maximum(np.sum(jacobian**2, axis=0), 1e-12))
     unit = jacobian / scale
-    inverse_information = np.linalg.pinv(unit.T @ unit, rcond=1e-10)
+    inverse_information = _inverse_information(unit, _at_a_bound(done))
     likelihood = inverse_information * max(_mean_squared_residual(done, flat), 0.25)
     between = _cluster_variances(problem, inverse_information, unit * flat[:, None])
     variances = np.diag(likelihood) + between + (scale * _white_noise_shift(problem, done)) ** 2
@@ -54,6 +54,28 @@ def covariance(problem: Problem, done: Fit) -> FloatArray:
     )
     deviation = np.where(identifiable, widened / scale, unconstrained)
     return np.asarray(correlation * np.outer(deviation, deviation))
+
+
+def _at_a_bound(done: Fit) -> BoolArray:
+    """Free parameters, shape (p,), that ended at a bound."""
+    value = np.array([done.theta[column.entries[0]] for column in done.columns])
+    lower = np.array([column.lower for column in done.columns])
+    upper = np.array([column.upper for column in done.columns])
+    return np.asarray((value <= lower) | (value >= upper))
+
+
+def _inverse_information(unit: FloatArray, at_a_bound: BoolArray) -> FloatArray:
+    """Inverse of the information matrix (p, p) for columns of norm 1.
+
+    A parameter that its bound holds does not follow the others: it has no correlation with them and adds no
+    uncertainty to theirs (active constraints; Nocedal & Wright 2006, section 12.4). A filter of no length
+    beside a delay, say, has the delay's own derivative.
+    """
+    inverse = np.eye(unit.shape[1])
+    free = np.flatnonzero(~at_a_bound)
+    block = unit[:, free]
+    inverse[np.ix_(free, free)] = np.linalg.pinv(block.T @ block, rcond=1e-10)
+    return inverse
 
 
 def _mean_squared_residual(done: Fit, flat: FloatArray) -> float:
@@ -145,15 +167,14 @@ def not_different_from_absent(problem: Problem, done: Fit, spread: FloatArray) -
     absent = simulator.start()
     out = []
     for name in done.effects:
-        if problem.evidence((name,)) > 0.0:
-            continue  # two recorded signals show it without any model of the robot
         shaping = {p.name for p in CATALOGUE[name].parameters if p.nuisance or (p.log and p.scan)}
         off = simulator.report(name, absent)
         found = effect_parameters(problem, done, name, spread)
+        changes = any(value.value != off[key] for key, value in found.items() if key not in shaping)
+        if changes and problem.evidence((name,)) > 0.0:
+            continue  # two recorded signals show it without any model of the robot
         if all(
-            value.ci95[0] <= off[key] <= value.ci95[1]
-            for key, value in found.items()
-            if key not in shaping
+            value.ci95[0] <= off[key] <= value.ci95[1] for key, value in found.items() if key not in shaping
         ):
             out.append(name)
     return out

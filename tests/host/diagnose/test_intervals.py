@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,3 +66,28 @@ def test_a_moment_that_lies_in_a_rest_may_be_anywhere_in_it() -> None:
     at = intervals(data, "payload_change", {"time_constant_ratio": 1.3, "at": 0.5})["at"]
     assert at.ci95[0] < begins + 1.0
     assert at.ci95[1] > ends - 1.0
+
+
+def test_a_parameter_at_its_bound_adds_no_uncertainty_to_the_others() -> None:
+    """A filter of no length has the derivative of a delay: together they were uncertain by 20 s."""
+    stage = initial_fit(*delayed())
+    start = stage.base.theta.copy()
+    start[stage.problem.simulator.layout.index("input_delay.delay")] = 0.06
+    lag_s = stage.problem.simulator.layout.index("driver_lag.time_constant")
+    held = tuple(
+        replace(one, upper=0.0) if lag_s in one.entries else one
+        for one in stage.problem.columns_of(("input_delay", "driver_lag"))
+    )
+    done = fit(stage.problem, ("input_delay", "driver_lag"), start, columns=held)
+    spread = covariance(stage.problem, done)
+    lag = effect_parameters(stage.problem, done, "driver_lag", spread)["time_constant"]
+    delay = effect_parameters(stage.problem, done, "input_delay", spread)["delay"]
+    assert lag.value == 0.0
+    assert lag.ci95[1] < 0.05
+    assert holds(delay, 0.06)
+    assert delay.ci95[1] - delay.ci95[0] < 0.02
+
+
+def delayed() -> tuple[SetData, SetSimulator]:
+    data = robot(EIGHT_RUNS, "input_delay", {"delay": 0.06}, 4)
+    return data, SetSimulator(data)
