@@ -19,14 +19,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from itertools import pairwise
+from typing import TypeGuard
 
 import numpy as np
 
-from truing.arrays import FloatArray
+from truing.arrays import FloatArray, IntArray
 from truing.diagnose.data import exercise
 from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
+from truing.model.compiled import compiled
 
 # Speeds lag positions when the lag leaves less than this share of their difference.
 CLEARLY = 0.6
@@ -101,26 +102,37 @@ def _filtered(speed: FloatArray, data: SetData, lag: float) -> tuple[FloatArray,
     if lag <= 0.0:
         return speed, speed
     mean, instant = np.empty_like(speed), np.empty_like(speed)
-    for a, b in pairwise(data.starts):
-        y = speed[a].copy()
-        mean[a] = instant[a] = y
-        for row in range(a + 1, b):
-            after = speed[row] + (y - speed[row]) * math.exp(-data.dt_s[row] / lag)
-            mean[row] = speed[row] - lag * (after - y) / data.dt_s[row]
-            y = after
-            instant[row] = y
+    _filter_rows(speed, data.dt_s, data.starts, lag, mean, instant)
     return mean, instant
+
+
+@compiled
+def _filter_rows(
+    speed: FloatArray, dt_s: FloatArray, starts: IntArray, lag: float, mean: FloatArray, instant: FloatArray
+) -> None:
+    for segment in range(len(starts) - 1):
+        for wheel in range(2):
+            y = speed[starts[segment], wheel]
+            mean[starts[segment], wheel] = instant[starts[segment], wheel] = y
+            for row in range(starts[segment] + 1, starts[segment + 1]):
+                after = speed[row, wheel] + (y - speed[row, wheel]) * math.exp(-dt_s[row] / lag)
+                mean[row, wheel] = speed[row, wheel] - lag * (after - y) / dt_s[row]
+                y = after
+                instant[row, wheel] = y
 
 
 def lag_is_significant(data: SetData) -> bool:
     """Whether the recorder's speeds lag its own counts or positions significantly."""
-    lag = direct_lag(data)
+    return _is_significant(direct_lag(data))
+
+
+def _is_significant(lag: DirectLag | None) -> TypeGuard[DirectLag]:
     return lag is not None and lag.time_constant_s > 0.0 and lag.rms_mps < CLEARLY * lag.rms_without_mps
 
 
 def _evidence(data: SetData) -> float:
     lag = direct_lag(data)
-    if lag is None or not lag_is_significant(data):
+    if not _is_significant(lag):
         return 0.0
     moving = np.count_nonzero(data.judged) / ROWS_PER_SAMPLE
     return float(moving * math.log(lag.rms_without_mps / max(lag.rms_mps, 1e-3 * lag.rms_without_mps)))
