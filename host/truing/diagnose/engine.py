@@ -18,6 +18,7 @@ from truing.diagnose.data.recorder import at_renewals, repeated_rows
 from truing.diagnose.data.set_data import SetData, set_data
 from truing.diagnose.data.sim_runs import read_sim_runs
 from truing.diagnose.diagnosis_input import Options
+from truing.diagnose.exchanges import with_exchanges
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.inter_sample_input import inter_sample_uncertainty, with_inter_sample_input
 from truing.diagnose.next_experiment import propose
@@ -107,7 +108,7 @@ def _diagnose(recordings: RecordingSet, options: Options, progress: Progress) ->
     )
     if len(diagnosis.explanations) > 1 and diagnosis.next_experiment is None:
         limits = None if options.floor_m is None else Limits(floor_m=options.floor_m)
-        experiment = propose(diagnosis.explanations, recordings, diagnosis.noise, limits)
+        experiment = propose(diagnosis.explanations, at_renewals(recordings), diagnosis.noise, limits)
         diagnosis = replace(diagnosis, next_experiment=experiment)
     return replace(diagnosis, compensation=compensate(diagnosis, recordings.baseline))
 
@@ -167,8 +168,10 @@ def investigate(data: SetData, progress: Progress, jobs: int) -> Reasoning:
         progress(0.8 if number else 0.7)
     if search.ranked(2):
         search = with_updated_noise(search, count=2)
+    single_fits = search
     search, best = extend_model(search, select_model(search, search.fits[()]))
     best = without_uncertain_effects(search, best)
+    search = with_exchanges(search, best, single_fits)
     progress(0.85)
     return with_ordered_errors(decide(search, best))
 

@@ -15,7 +15,7 @@ from truing.diagnose.intervals import covariance, not_different_from_absent
 from truing.diagnose.noise_updates import under_noise_of
 from truing.diagnose.search import Search, effect_set
 from truing.diagnose.unseen_runs import NEGLIGIBLE, SIMILAR_BENEFIT, UnseenRuns
-from truing.diagnose.verdict import is_incomplete
+from truing.diagnose.verdict import MIN_DIFFERENCE, is_incomplete
 
 # Effects in one model, candidates that are fitted in one step, and of these tried on runs left out, at most.
 MAX_EFFECTS, MAX_CANDIDATES, MAX_TRIED = 6, 4, 3
@@ -76,11 +76,17 @@ def is_worth_it(search: Search, unseen: UnseenRuns, one: Fit, other: Fit) -> boo
     Where a model leaves more than noise, no noise model is right and the likelihood is only a lower bound:
     there a benefit on runs left out, at the cost of no other run, is evidence as well.
     """
-    if search.compare(one, other).robust_gain > SIGNIFICANT_GAIN:
+    more = search.compare(one, other)
+    exceeds_noise = search.problem.exceeds_noise(other.residual.speeds)
+    if more.robust_gain > SIGNIFICANT_GAIN and (exceeds_noise or more.times_noise > MIN_DIFFERENCE):
         return unseen.benefit(one, other) > NEGLIGIBLE
-    if not search.problem.exceeds_noise(other.residual.speeds):
+    if not exceeds_noise or _free_run_error(search, one) > _free_run_error(search, other):
         return False
     return unseen.benefit(one, other) > MIN_BENEFIT and unseen.loss_share(one, other) < MAX_LOSS_SHARE
+
+
+def _free_run_error(search: Search, one: Fit) -> float:
+    return search.problem.free_run_rmse(one.residual.speeds)
 
 
 def _pruned(search: Search, best: Fit) -> Fit:

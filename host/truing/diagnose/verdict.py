@@ -14,6 +14,7 @@ import numpy as np
 from truing.arrays import BoolArray
 from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.compare import SIGNIFICANT_GAIN
+from truing.diagnose.disturbance import is_disturbance
 from truing.diagnose.fit import Fit
 from truing.diagnose.pairs import both_significant, needs_both_effects, second_effect_alternatives
 from truing.diagnose.problem import CLIP, MIN_NOISE_COUNTS, Problem
@@ -29,8 +30,8 @@ MIN_DIFFERENCE = 0.25
 # Another explanation is a rival if its gain is lower by less than this, nats, or its simulation differs by
 # less than this multiple of the noise.
 RIVAL_GAIN, RIVAL_TIMES = 6.0, 0.15
-# Most effects listed under an ambiguous verdict; pairs compared.
-MAX_NAMED, MAX_PAIRS_COMPARED = 3, 5
+# Most effects listed under an ambiguous verdict, or so many more than the model has; pairs compared.
+MAX_NAMED, MAX_MORE_NAMED, MAX_PAIRS_COMPARED = 3, 2, 5
 # Predictable residual structure is unexplained beyond these: RMS over noise; standard errors of its share of
 # the energy (or share of the runs in which anything is predicted: a few outlying runs inflate the standard
 # error); and share of what was explained (in RMS, per effect).
@@ -44,9 +45,9 @@ MIN_PREDICTED_SHARE, MIN_BURST_SHARE, UNEXPLAINED_OF_EXPLAINED = 0.06, 0.12, 0.4
 MAX_BURST_ROWS, BURST_OVER_REST, MIN_ROW_WEIGHT = 0.1, 5.0, 0.5
 # Residual RMS over quantisation RMS below which a residual is quantisation alone.
 OVER_QUANTISATION = 1.2
-# A model that leaves more than this many times the noise's floor leaves something real; above the lower limit
-# another effect is looked for.
-EXCESS_OF_FLOOR, SUSPECT_OF_FLOOR = 3.0, 1.0
+# A model that leaves more than this many times the noise's floor leaves something real. Another effect is
+# looked for above the lower limit: the floor includes an allowance for slow disturbances.
+EXCESS_OF_FLOOR, SUSPECT_OF_FLOOR = 3.0, 0.5
 # Beside something unexplained, effects are named if they remove this share of the energy above the noise.
 MIN_EXPLAINED = 0.5
 # More effects are looked for beside two that take away at least this share.
@@ -125,8 +126,14 @@ def _leaves_something(search: Search, best: Fit, remaining: Structure, times_flo
     return (
         has_residual_structure(remaining, best, base)
         or unexplained_exceeds_explained(search, remaining, best, base)
-        or search.problem.exceeds_noise(best.residual.speeds, times_floor)
+        or _exceeds_noise(search.problem, best, remaining, times_floor)
     )
+
+
+def _exceeds_noise(problem: Problem, best: Fit, remaining: Structure, times_floor: float) -> bool:
+    """Whether either wheel leaves more than so many floors, and not as a slow disturbance."""
+    more = problem.rms_by_wheel(best.residual.speeds) > times_floor * problem.floor.rms
+    return bool(np.any(more & ~is_disturbance(problem, best, remaining)))
 
 
 def select_model(search: Search, base: Fit) -> Fit:
@@ -180,6 +187,8 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
     """
     out = []
     base = search.fits[()]
+    # Effects found step by step are judged on runs left out; a rival is not held to more than the best is.
+    needs_both = len(best.effects) == 2 and needs_both_effects(search, best)
     for other in search.ranked(len(best.effects)):
         if set(other.effects) == set(best.effects):
             continue
@@ -187,10 +196,10 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
         similar = ahead.times_noise < RIVAL_TIMES and not _has_more_direct_evidence(search, best, other)
         close = ahead.robust_gain < RIVAL_GAIN or similar
         named = is_named(search, other, base)
-        named = named and (len(other.effects) < 2 or needs_both_effects(search, other))
+        named = named and (not needs_both or needs_both_effects(search, other))
         if close and named and not _only_extends(search, best, other):
             out.append(other)
-    if len(best.effects) > 1 and not both_significant(search, best):
+    if len(best.effects) == 2 and not both_significant(search, best):
         out += [
             one for one in second_effect_alternatives(search, best) if all(one is not each for each in out)
         ]
@@ -200,9 +209,10 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
 def _limit_names(best: Fit, rivals: list[Fit]) -> tuple[Fit, ...]:
     """The first rival, and of the others those that keep the number of names within the limit."""
     names: set[str] = set(best.effects)
+    most = max(MAX_NAMED, len(names) + MAX_MORE_NAMED)
     kept: list[Fit] = []
     for rival in rivals:
-        if not kept or len(names.union(rival.effects)) <= MAX_NAMED:
+        if not kept or len(names.union(rival.effects)) <= most:
             kept.append(rival)
             names.update(rival.effects)
     return tuple(kept)

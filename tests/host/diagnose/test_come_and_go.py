@@ -5,6 +5,7 @@ The catalogue has none of these. A first-order robot is written out here, at 20 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,6 +19,8 @@ from truing.recording.baseline import Baseline, WheelModel
 from truing.recording.run import RecordingSet, Run
 
 GAIN_MPS, TAU_S, ROW_S, NOISE_MPS = 1.4, 0.3, 0.05, 0.003
+# Steps per row of the robot's simulation.
+FINE = 50
 
 
 def on_carpet(t_s: float, speed: float) -> float:
@@ -40,6 +43,20 @@ def nothing(t_s: float, speed: float) -> float:
     return 0.0
 
 
+class Shaken:
+    """A random torque in effort, first-order Markov, that goes on from call to call."""
+
+    def __init__(self, rms: float, correlation_s: float) -> None:
+        self._decay = math.exp(-ROW_S / FINE / correlation_s)
+        self._step = rms * math.sqrt(1.0 - self._decay**2)
+        self._random = np.random.default_rng(5)
+        self._torque = 0.0
+
+    def __call__(self, t_s: float, speed: float) -> float:
+        self._torque = self._decay * self._torque + self._step * self._random.normal()
+        return self._torque
+
+
 def robot(extra: Callable[[float, float], float]) -> Diagnosis:
     """Six runs of random steps, diagnosed from a baseline whose gain is 5 % off."""
     random = np.random.default_rng(21)
@@ -57,18 +74,25 @@ def robot(extra: Callable[[float, float], float]) -> Diagnosis:
 
 def _driven(effort: FloatArray, extra: Callable[[float, float], float]) -> FloatArray:
     """Mean speed over each row, m/s."""
-    speed, out, fine = 0.0, np.zeros(len(effort)), 50
+    speed, out = 0.0, np.zeros(len(effort))
     for row in range(1, len(effort)):
-        for k in range(fine):
-            t_s = (row - 1 + k / fine) * ROW_S
+        for k in range(FINE):
+            t_s = (row - 1 + k / FINE) * ROW_S
             torque = effort[row] + extra(t_s, speed)
-            speed += (GAIN_MPS * torque - speed) * ROW_S / fine / TAU_S
-            out[row] += speed / fine
+            speed += (GAIN_MPS * torque - speed) * ROW_S / FINE / TAU_S
+            out[row] += speed / FINE
     return out
 
 
 def test_the_plain_robot_has_only_other_parameters() -> None:
     assert robot(nothing).verdict == "parameters_only"
+
+
+def test_a_slow_disturbance_is_no_missing_physics() -> None:
+    """Its speed error is several times what second differences show, and no run repeats it."""
+    found = robot(Shaken(rms=0.03, correlation_s=0.4))
+    assert found.verdict == "parameters_only"
+    assert found.fit.model_rmse > 3.0 * found.fit.noise_floor
 
 
 @pytest.mark.parametrize("extra", [on_carpet, binding, pushed])
