@@ -17,8 +17,9 @@ from truing.diagnose.screen import Candidate, Probes, rank_candidates, simulate_
 PRELIMINARY_STEPS = 5
 # Predicted gain of the score test above which an effect is fitted, nats.
 MIN_CANDIDATE_GAIN = 2.0
-# Beside several other effects the scale of the counts is one with the gain: no drive identifies it.
-ONE_WITH_THE_GAIN = ("encoder_scale",)
+# Beside several other effects the scale of the counts is one with the gain, and counts lost at speed are one
+# with a gain that falls: what the others leave is no evidence for either.
+ONE_WITH_THE_GAIN = ("encoder_scale", "encoder_dropout")
 # Effects whose simulation needs short substeps are tried beside others if their gain is so many times larger.
 SHORT_STEPS_GAIN = 1.5
 # So many of the best candidates are always fitted; of the others those whose predicted gain is this share of

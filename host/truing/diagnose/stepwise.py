@@ -9,16 +9,20 @@ out again to see whether it is still needed (stepwise regression: Efroymson 1960
 
 from __future__ import annotations
 
+from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.compare import SIGNIFICANT_GAIN
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.intervals import covariance, not_different_from_absent
 from truing.diagnose.noise_updates import under_noise_of
+from truing.diagnose.problem import Problem
 from truing.diagnose.search import Search, effect_set
 from truing.diagnose.unseen_runs import NEGLIGIBLE, SIMILAR_BENEFIT, UnseenRuns
 from truing.diagnose.verdict import MIN_DIFFERENCE, is_incomplete
 
 # Effects in one model, candidates that are fitted in one step, and of these tried on runs left out, at most.
 MAX_EFFECTS, MAX_CANDIDATES, MAX_TRIED = 6, 4, 3
+# A parameter closer to a bound than this share of its range is at it.
+AT_A_LIMIT = 1e-3
 # An effect whose likelihood is not significant lowers the error on runs left out by at least this share, and
 # adds to runs that it makes worse at most this share of what it removes from others.
 MIN_BENEFIT, MAX_LOSS_SHARE = 0.03, 0.25
@@ -76,6 +80,8 @@ def is_worth_it(search: Search, unseen: UnseenRuns, one: Fit, other: Fit) -> boo
     Where a model leaves more than noise, no noise model is right and the likelihood is only a lower bound:
     there a benefit on runs left out, at the cost of no other run, is evidence as well.
     """
+    if any(ends_at_a_limit(search.problem, one, name) for name in one.effects if name not in other.effects):
+        return False
     more = search.compare(one, other)
     exceeds_noise = search.problem.exceeds_noise(other.residual.speeds)
     if more.robust_gain > SIGNIFICANT_GAIN and (exceeds_noise or more.times_noise > MIN_DIFFERENCE):
@@ -83,6 +89,21 @@ def is_worth_it(search: Search, unseen: UnseenRuns, one: Fit, other: Fit) -> boo
     if not exceeds_noise or _free_run_error(search, one) > _free_run_error(search, other):
         return False
     return unseen.benefit(one, other) > MIN_BENEFIT and unseen.loss_share(one, other) < MAX_LOSS_SHARE
+
+
+def ends_at_a_limit(problem: Problem, done: Fit, name: str) -> bool:
+    """Whether the fit asks for more of an effect than the catalogue holds possible."""
+    absent = problem.simulator.start()
+    shaping = {p.name for p in CATALOGUE[name].parameters if p.nuisance or p.scan}
+    for column in done.columns:
+        effect, _, parameter = column.name.partition(".")
+        entry = column.entries[0]
+        if effect == name and parameter not in shaping:
+            value, reach = float(done.theta[entry]), AT_A_LIMIT * (column.upper - column.lower)
+            at_a_limit = not column.lower + reach < value < column.upper - reach
+            if at_a_limit and abs(value - absent[entry]) > reach:
+                return True
+    return False
 
 
 def _free_run_error(search: Search, one: Fit) -> float:

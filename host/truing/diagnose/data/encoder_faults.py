@@ -31,7 +31,6 @@ MIN_FLUCTUATION, FLUCTUATION_RATIO = 0.12, 3.0
 MIN_SHARE_CHANGE = 1.25
 
 
-
 @dataclass(frozen=True, slots=True)
 class EncoderFault:
     """A wheel whose encoder is at fault.

@@ -15,6 +15,8 @@ constant, which is there from the start. The first run repeated as the last one 
 
 from __future__ import annotations
 
+import numpy as np
+
 from truing.diagnose.data import exercise
 from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
@@ -26,12 +28,21 @@ def inertia(time_constant_ratio: float, at: float, elapsed: float) -> float:
 
 
 def _exercised(data: SetData) -> float:
-    """Another time constant shows in transients alone: there must be some before a change and after it."""
-    at_s = data.elapsed_s[exercise.effort_step_rows(data)]
-    early = int((at_s < 0.5 * data.duration_s).sum())
-    fewer = min(early, len(at_s) - early)
+    """Another time constant shows in transients alone: alike ones are needed before a change and after it.
+
+    Starts alone before and stops alone after differ by friction and braking as well.
+    """
+    rows = exercise.effort_step_rows(data)
+    early = data.elapsed_s[rows] < 0.5 * data.duration_s
+    size = np.abs(data.effort).max(axis=1)
+    starts = size[rows] > size[np.maximum(rows - 2, 0)]
+    fewest = min(int((half & kind).sum()) for half in (early, ~early) for kind in (starts, ~starts))
+    fewer = min(int(early.sum()), int((~early).sum()))
     return min(
-        exercise.enough(len(at_s), 8.0), exercise.enough(fewer, 2.0), exercise.enough(data.duration_s, 20.0)
+        exercise.enough(len(rows), 8.0),
+        exercise.enough(fewer, 2.0),
+        exercise.enough(fewest, 1.0),
+        exercise.enough(data.duration_s, 20.0),
     )
 
 
