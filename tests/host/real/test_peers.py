@@ -182,6 +182,17 @@ def test_a_method_that_fails_says_why_and_has_no_error() -> None:
     assert models == ()
 
 
+def test_an_error_counts_for_as_long_as_its_measurement_stands() -> None:
+    t_s = 0.02 * np.arange(6)
+    judged = np.array([False, True, False, False, True, True])
+    run = WheelRun(0, t_s, 0.0 * t_s, 0.0 * t_s, judged, 0.0)
+    errors = run.judge(np.arange(6.0))
+    assert errors[:, 0].tolist() == [1.0, 4.0, 5.0]
+    assert errors[:, 1] == pytest.approx([0.06, 0.02, 0.02])
+    expected = 100.0 * math.sqrt((3.0 * 1.0 + 16.0 + 25.0) / 5.0)
+    assert RowSet(((run,), (run,)), (0,), 1.0).percent([errors]) == pytest.approx(expected)
+
+
 def test_even_times_conserve_the_effort() -> None:
     run = ramps_and_steps(Truth())[0]
     uneven = np.sort(np.random.default_rng(3).choice(np.arange(1, len(run)), len(run) // 2, replace=False))

@@ -99,7 +99,8 @@ def _summary(done: Sequence[SetComparison], total: int) -> PlainTable:
         "part of the runs by the fit to the others, in the diagnosis's own division. Seconds: processor time "
         "of one fit to all runs, median (ours: a whole diagnosis).",
         "All methods are fitted to and judged on the rows that the diagnosis judges: those at which a "
-        "measurement is new. Ours over it: median ratio. At most 1.05: share of the sets on which ours is at "
+        "measurement is new, each weighted by how long it stands. "
+        "Ours over it: median ratio. At most 1.05: share of the sets on which ours is at "
         "most 1.05 times it. Better than ours: sets on which it is lower by more than 5 %.",
         "Every row of the files, repeated ones included, each method fitted to them and ours held as the "
         f"recorder holds: ours over the best rung has a median of {np.median(ratios):.2f}, and is at most "

@@ -71,4 +71,4 @@ def _left_out(
 
 
 def _errors(model: WheelModel, runs: Sequence[WheelRun]) -> FloatArray:
-    return np.concatenate([(model.simulate(run) - run.speed_mps)[run.judged] for run in runs])
+    return np.concatenate([run.judge(model.simulate(run)) for run in runs])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -40,11 +41,14 @@ class RowSet:
     top_mps: float
 
     def percent(self, errors: Sequence[FloatArray]) -> float:
-        """RMS of errors in m/s, per cent of top speed."""
-        joined = np.concatenate(errors)
+        """RMS over time of what `WheelRun.judge` gives, each of shape (k, 2), per cent of top speed."""
+        error, stands_s = np.concatenate(errors).T
         limit = MOST_ERROR * self.top_mps
-        bounded = np.clip(np.nan_to_num(joined, nan=limit), -limit, limit)
-        return float(100.0 * np.sqrt(np.mean(bounded**2)) / self.top_mps) if len(joined) else float("nan")
+        bounded = np.clip(np.nan_to_num(error, nan=limit), -limit, limit)
+        total_s = float(stands_s.sum())
+        if total_s <= 0.0:
+            return math.nan
+        return 100.0 * math.sqrt(float(stands_s @ bounded**2) / total_s) / self.top_mps
 
 
 def judged_rows(recordings: RecordingSet, diagnosis: Diagnosis) -> RowSet:
@@ -85,7 +89,7 @@ def every_row(recordings: RecordingSet, diagnosis: Diagnosis) -> RowSet:
 
 
 def held_model(diagnosis: Diagnosis, rows: RowSet) -> list[FloatArray]:
-    """Errors of the diagnosis's model at other rows of its runs, m/s, one array per stretch and wheel.
+    """Errors of the diagnosis's model at other rows of its runs, as `WheelRun.judge` gives them.
 
     Between two measurements the recorder repeats the last one, and so does this.
     """
@@ -95,8 +99,7 @@ def held_model(diagnosis: Diagnosis, rows: RowSet) -> list[FloatArray]:
             trace = diagnosis.traces[run.run]
             new = np.flatnonzero(trace.valid[:, wheel] | (np.arange(len(trace.t_s)) == 0))
             last = np.searchsorted(trace.t_s[new], run.t_s + SAME_TIME_S, side="right") - 1
-            model = trace.model[new[np.maximum(last, 0)], wheel]
-            errors.append((model - run.speed_mps)[run.judged])
+            errors.append(run.judge(trace.model[new[np.maximum(last, 0)], wheel]))
     return errors
 
 

@@ -38,6 +38,16 @@ class WheelRun:
     def __len__(self) -> int:
         return len(self.t_s)
 
+    def judge(self, simulated_mps: FloatArray) -> FloatArray:
+        """Errors of speeds (n,) at the judged rows, m/s, and how long each stands, s: shape (k, 2).
+
+        A measurement stands until the next one, as the recorder repeats it until then.
+        """
+        rows = np.flatnonzero(self.judged)
+        usual_s = float(np.median(np.diff(self.t_s)))
+        until_next_s = np.diff(self.t_s[rows], append=self.t_s[-1] + usual_s) if len(rows) else np.zeros(0)
+        return np.stack([(simulated_mps - self.speed_mps)[rows], until_next_s], axis=1)
+
 
 def even_interval(runs: Sequence[WheelRun]) -> float:
     """Usual time between rows, s, and at least `SHORTEST_INTERVAL_S`."""
