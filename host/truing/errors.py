@@ -216,6 +216,14 @@ class BrokenSealError(TruingError):
     exit_code = 1
 
 
+class PeerFailedError(TruingError):
+    """A method that the diagnosis is compared with gives no model of these recordings; says why in words."""
+
+
+class LibraryMissingError(TruingError):
+    """A method that the diagnosis is compared with needs a library that is not installed."""
+
+
 class Interrupted(TruingError):
     """The user asked to stop (Ctrl-C, or the program was told to end)."""
 

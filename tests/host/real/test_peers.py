@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from support.driven_wheel import Truth, levels, ramps_and_steps
+from truing.errors import LibraryMissingError, PeerFailedError
 from truing.studies.real.left_out import score
 from truing.studies.real.peers.catalogue import LADDER, PEERS
 from truing.studies.real.peers.first_order_wheel import NUMBERS, FirstOrderWheel
-from truing.studies.real.peers.peer import LibraryMissingError, Peer, PeerFailedError, WheelModel
+from truing.studies.real.peers.peer import Peer, WheelModel
 from truing.studies.real.peers.wheel_runs import WheelRun, even_run
 from truing.studies.real.row_set import RowSet
 

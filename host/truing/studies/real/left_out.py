@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from truing.arrays import FloatArray
-from truing.studies.real.peers.peer import Peer, PeerFailedError, WheelModel
+from truing.errors import PeerFailedError
+from truing.studies.real.peers.peer import Peer, WheelModel
 from truing.studies.real.peers.wheel_runs import WheelRun
 from truing.studies.real.row_set import RowSet
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from truing.arrays import FloatArray
-from truing.studies.real.peers.peer import PeerFailedError
+from truing.errors import PeerFailedError
 from truing.studies.real.peers.wheel_runs import WheelRun, at_rows, even_interval, even_run
 
 # A model that diverges is stopped at this many times the largest measured speed: its error is large anyway.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from truing.arrays import FloatArray
-from truing.errors import TruingError
+from truing.errors import LibraryMissingError
 from truing.studies.real.peers.wheel_runs import WheelRun
 
 INSTALL = "`./run setup peers` installs it (or `pip install 'truing[peers]'`)"
@@ -20,17 +20,6 @@ class WheelModel(Protocol):
     def simulate(self, run: WheelRun) -> FloatArray:
         """Free run from the run's first speed by its efforts alone: speeds, m/s, shape (n,)."""
         ...
-
-
-class PeerFailedError(Exception):
-    """A method gives no model of these recordings; says why in words."""
-
-
-class LibraryMissingError(TruingError):
-    """A peer needs a library that is not installed."""
-
-    def __init__(self, peer: str, library: str) -> None:
-        super().__init__(f"{peer} needs the Python package {library}, which is not installed", INSTALL)
 
 
 Fit = Callable[[Sequence[WheelRun], WheelModel | None], WheelModel]
@@ -69,4 +58,6 @@ class Peer:
         LibraryMissingError
         """
         if not self.is_installed:
-            raise LibraryMissingError(self.title, self.library)
+            raise LibraryMissingError(
+                f"{self.title} needs the Python package {self.library}, which is not installed", INSTALL
+            )

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from truing.arrays import FloatArray
+from truing.errors import PeerFailedError
 from truing.model.compiled import compiled
 from truing.studies.real.peers.discrete import DIVERGED, quiet
-from truing.studies.real.peers.peer import Peer, PeerFailedError, WheelModel
+from truing.studies.real.peers.peer import Peer, WheelModel
 from truing.studies.real.peers.wheel_runs import WheelRun, even_interval, even_run
 
 # Scaled by top speed and top effort, a term of less than this much of the largest is dropped.

@@ -70,9 +70,7 @@ def even_run(run: WheelRun, interval_s: float) -> EvenRun:
     grid = run.t_s[0] + interval_s * np.arange(count)
     impulse = np.concatenate(([0.0], np.cumsum(run.effort[1:] * np.diff(run.t_s))))
     effort = np.diff(np.interp(grid, run.t_s, impulse)) / interval_s
-    return EvenRun(
-        grid, np.concatenate((run.effort[:1], effort)), np.interp(grid, run.t_s, run.speed_mps)
-    )
+    return EvenRun(grid, np.concatenate((run.effort[:1], effort)), np.interp(grid, run.t_s, run.speed_mps))
 
 
 def at_rows(run: WheelRun, even: EvenRun, speed_mps: FloatArray) -> FloatArray:

@@ -16,8 +16,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from truing.arrays import BoolArray, FloatArray
+from truing.errors import PeerFailedError
 from truing.studies.real.peers.first_order_wheel import FirstOrderWheel
-from truing.studies.real.peers.peer import Peer, PeerFailedError, WheelModel
+from truing.studies.real.peers.peer import Peer, WheelModel
 from truing.studies.real.peers.wheel_runs import WheelRun
 
 # SysId's defaults, in the recording's own unit per second, and s.
