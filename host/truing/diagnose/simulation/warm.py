@@ -1,4 +1,4 @@
-"""Compiles the simulation before anything waits for it; run as a module, it says so and how long it took.
+"""Compiles the simulation before anything waits for it.
 
 The machine code is kept in NUMBA_CACHE_DIR, so that this is done once for each state of the effects' files.
 """
@@ -54,7 +54,3 @@ def simulate_rest(catalogue: Catalogue) -> None:
     simulator.currents(theta, on)
     simulator.speeds(theta, on)
     simulator.pose_residuals(theta, on)
-
-
-if __name__ == "__main__":
-    compile_once(print)
