@@ -152,9 +152,7 @@ def loads(costs: Costs) -> list[Budget]:
         Budget("load, ticks at rest", 100 * costs.resting.ticks, "%", 10, "leaves nine tenths to the rest"),
         Budget("load, all at rest", 100 * costs.resting.awake, "%", 20, "the core sleeps for the rest"),
         Budget("load, ticks when driving", 100 * costs.busy.ticks, "%", 10, "leaves nine tenths to the rest"),
-        Budget(
-            "load, driving, line and bus full", 100 * costs.busy.awake, "%", 70, "a third stays in hand"
-        ),
+        Budget("load, driving, line and bus full", 100 * costs.busy.awake, "%", 70, "a third stays in hand"),
         Budget("bits on the bus meanwhile", 100 * costs.bus_share, "%", None, ""),
         Budget("power-up to bridges braked", costs.braked_after_us / 1000, "ms", 15, "until then they coast"),
         Budget(

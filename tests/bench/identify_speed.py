@@ -38,9 +38,7 @@ SINDY_THRESHOLD = 0.02
 def measure(root: Path) -> list[Figure]:
     """Twelve runs of 15 s at 20 Hz, and where it is at hand an FRC file at 5 ms."""
     truth = Truth(delay=0.043, disturbance=0.008)
-    runs = tuple(
-        record(truth, staircase(k), seed=k, name=f"{k:02d}", fine_s=1e-3) for k in range(12)
-    )
+    runs = tuple(record(truth, staircase(k), seed=k, name=f"{k:02d}", fine_s=1e-3) for k in range(12))
     figures = _compare("12 runs x 15 s at 20 Hz", RecordingSet("synthetic", runs, baseline()), 2.0)
     named = os.environ.get("TRUING_RECORDINGS")
     folder = (Path(named) if named else root.parent / "shared" / "recordings") / FRC_SET

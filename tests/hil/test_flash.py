@@ -49,9 +49,7 @@ def whole(image: Path) -> Image:
 
 
 def held(memory: bytes | bytearray, image: Image) -> bool:
-    return all(
-        memory[part.address - FLASH : part.end - FLASH] == part.data for part in image.parts
-    )
+    return all(memory[part.address - FLASH : part.end - FLASH] == part.data for part in image.parts)
 
 
 def boot(image: Path, memory: bytes | bytearray) -> VirtualRobot:
@@ -124,9 +122,7 @@ def test_a_loader_that_does_not_answer_is_told_with_what_to_check(rom_path: str)
 
 
 @pytest.mark.parametrize("tool", ["openocd", "st-flash"])
-def test_a_probe_writes_reads_back_and_leaves_the_parameters(
-    tmp_path: Path, whole: Image, tool: str
-) -> None:
+def test_a_probe_writes_reads_back_and_leaves_the_parameters(tmp_path: Path, whole: Image, tool: str) -> None:
     memory = fake_probe.install(tmp_path)
     before = bytearray(memory.read_bytes())
     before[KEPT] = PARAMETERS
@@ -256,4 +252,3 @@ def test_nothing_is_written_before_somebody_says_that_the_motors_are_off() -> No
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 2
     assert "motors' supply is off" in done.stderr
-

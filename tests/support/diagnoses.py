@@ -164,9 +164,7 @@ def ambiguous() -> Diagnosis:
 
 def parameters_only() -> Diagnosis:
     fit = FitErrors(0.051, 0.012, 0.012, NOISE_MPS)
-    return missing_physics(
-        verdict="parameters_only", effects=(), mismatch=(), ranking=(), notes=(), fit=fit
-    )
+    return missing_physics(verdict="parameters_only", effects=(), mismatch=(), ranking=(), notes=(), fit=fit)
 
 
 def consistent() -> Diagnosis:

@@ -402,9 +402,7 @@ class Device:
         file.discard()
         return result
 
-    def _download(
-        self, keeper: Keeper, progress: Progress | None
-    ) -> tuple[bytes, DownloadReport]:
+    def _download(self, keeper: Keeper, progress: Progress | None) -> tuple[bytes, DownloadReport]:
         try:
             report = LogDownload(self.client, keeper).run(progress)
         except (LinkTimeout, Refused):

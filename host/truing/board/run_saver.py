@@ -36,9 +36,7 @@ class FetchedLog:
     report: DownloadReport
 
 
-def fetch_log(
-    device: Device, log_id: int | None = None, progress: Progress | None = None
-) -> FetchedLog:
+def fetch_log(device: Device, log_id: int | None = None, progress: Progress | None = None) -> FetchedLog:
     """Download and decode a log (the newest by default); a download cut short is resumed.
 
     Raises

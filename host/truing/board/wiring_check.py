@@ -193,9 +193,7 @@ def _encoder_findings(
         text = f"the {name} encoder counts down when its wheel rolls forward"
         change = f"exchange the {name} encoder's A and B, or set {parameter}"
         value = 1.0 - float(device.get_parameter(parameter).value)
-        found.append(
-            Finding(parameter, text, change, None if swapped else parameter, value)
-        )
+        found.append(Finding(parameter, text, change, None if swapped else parameter, value))
     if abs(abs(wheel.counts) / per_turn - 1.0) > _HAND_ERROR:
         found.append(
             Finding(

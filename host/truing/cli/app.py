@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 LOGGER = logging.getLogger("truing")
 
 
-
 @dataclass
 class App:
     """The options given before the subcommand, and where output goes.

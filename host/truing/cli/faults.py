@@ -30,7 +30,8 @@ def command(app: App, clear: bool) -> None:
         status = device.status()
         record = device.fault_record()
     app.emit(
-        {"cleared": [f.name for f in before.latched if f not in status.latched]} | status.to_dict()
+        {"cleared": [f.name for f in before.latched if f not in status.latched]}
+        | status.to_dict()
         | {"fault_record": record and asdict(record)}
     )
     if clear:

@@ -233,7 +233,12 @@ def gains(app: App, out: Path | None) -> None:
 
     study = study_gains()
     _publish(
-        app, out, "gains", study.to_json(), gain_tables(study), gain_sentences(study),
+        app,
+        out,
+        "gains",
+        study.to_json(),
+        gain_tables(study),
+        gain_sentences(study),
         lambda path: save_gains(study, path),
     )
 
@@ -254,7 +259,12 @@ def mom(app: App, out: Path | None) -> None:
 
     study = study_mom()
     _publish(
-        app, out, "mom", study.to_json(), mom_tables(study), mom_sentences(study),
+        app,
+        out,
+        "mom",
+        study.to_json(),
+        mom_tables(study),
+        mom_sentences(study),
         lambda path: save_mom(study, path),
     )
 
@@ -291,7 +301,12 @@ def models(app: App, runs: Path | None, out: Path | None) -> None:
     with app.progress("fitting") as progress:
         study = study_models(recordings, progress)
     _publish(
-        app, out, "models", study.to_json(), model_tables(study), model_sentences(study),
+        app,
+        out,
+        "models",
+        study.to_json(),
+        model_tables(study),
+        model_sentences(study),
         lambda path: save_models(study, path),
     )
 

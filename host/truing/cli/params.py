@@ -216,9 +216,7 @@ def _show_changes(app: App, before: Mapping[str, Parameter], after: Mapping[str,
     _show_pairs(app, {name: (after[name], before[name].value) for name in after}, ("now", "before"))
 
 
-def _show_pairs(
-    app: App, pairs: Mapping[str, tuple[Parameter, float]], titles: tuple[str, str]
-) -> None:
+def _show_pairs(app: App, pairs: Mapping[str, tuple[Parameter, float]], titles: tuple[str, str]) -> None:
     """Show a table of the parameters whose value differs from the number beside it."""
     from rich.table import Table
 

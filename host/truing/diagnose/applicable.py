@@ -15,6 +15,8 @@ NEED_MEASURED_WHEELS = frozenset(
 )
 # Effects between the two wheels.
 NEED_BOTH_WHEELS = frozenset({"turning_scrub", "inertia_coupling", "side_asymmetry"})
+# Effects that each wheel's own gain stands for, unless a pose from outside separates them.
+ONE_WITH_FREE_GAINS = frozenset({"encoder_scale"})
 # Excitation below which an effect of moderate strength is lost in the noise.
 EXCITED = 1.0
 
@@ -35,7 +37,9 @@ def _unidentifiable(data: SetData) -> frozenset[str]:
     """Effects that these signals cannot show, whatever the excitation."""
     if data.commanded:
         return NEED_MEASURED_WHEELS
-    return frozenset() if data.valid.any(axis=0).all() else NEED_BOTH_WHEELS
+    found = frozenset() if data.valid.any(axis=0).all() else NEED_BOTH_WHEELS
+    equal = data.baseline.left == data.baseline.right
+    return found if data.has_truth or data.has_gyro or equal else found | ONE_WITH_FREE_GAINS
 
 
 def not_exercised(data: SetData) -> tuple[str, ...]:

@@ -43,6 +43,7 @@ class Parameter:
     nuisance : fitted or scanned, but not reported.
     scan : the error is not smooth in it: take `starts` as a grid.
     fixed : it stays at the best value of that grid.
+    needs_pose : without a pose or yaw rate from outside it is one with the gains, and stays off.
     """
 
     name: str
@@ -57,6 +58,7 @@ class Parameter:
     nuisance: bool = False
     scan: bool = False
     fixed: bool = False
+    needs_pose: bool = False
 
 
 def identity(values: Mapping[str, float]) -> dict[str, float]:

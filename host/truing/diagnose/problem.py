@@ -14,6 +14,7 @@ from truing.arrays import FloatArray, IntArray
 from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.data.set_data import POSE_HORIZON_S as POSE_HORIZON_S
 from truing.diagnose.data.set_data import SetData
+from truing.diagnose.effect import Parameter
 from truing.diagnose.noise import MEMORY_TAUS, Noise, estimate_noise, lag_index, lags_for, white_noise, whiten
 from truing.diagnose.noise_floor import NoiseFloor, noise_floor
 from truing.diagnose.simulation.simulator import SetSimulator
@@ -226,8 +227,13 @@ def effect_columns(simulator: SetSimulator, name: str) -> tuple[Column, ...]:
             parameter.off,
         )
         for parameter in CATALOGUE[name].parameters
-        if not (parameter.scan and parameter.nuisance)
+        if not (parameter.scan and parameter.nuisance) and is_identifiable(parameter, simulator.data)
     )
+
+
+def is_identifiable(parameter: Parameter, data: SetData) -> bool:
+    """Whether a parameter may leave its value without the effect."""
+    return data.has_truth or data.has_gyro or not parameter.needs_pose
 
 
 def base_columns(simulator: SetSimulator, tied: bool, base_effects: tuple[str, ...]) -> tuple[Column, ...]:

@@ -18,7 +18,7 @@ from truing.arrays import FloatArray
 from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.effect import Effect, Parameter
 from truing.diagnose.fit import Fit
-from truing.diagnose.problem import Problem
+from truing.diagnose.problem import Problem, is_identifiable
 
 # The first-order amplitude is limited to these multiples of the probe's amplitude.
 MIN_SCALE, MAX_SCALE = 0.15, 4.0
@@ -172,7 +172,7 @@ def _probe(
     for names in groups:
         theta = base.theta.copy()
         for p in effect.parameters:
-            on = p.name in names or p.scan or p.nuisance
+            on = (p.name in names or p.scan or p.nuisance) and is_identifiable(p, problem.data)
             theta[layout.index(f"{effect.name}.{p.name}")] = values[p.name] if on else p.off
         speed_change = problem.simulator.speeds(theta, problem.masks(effects)) - base.residual.speeds
         in_pose = problem.data.commanded or effect.domain != "wheel"
@@ -239,5 +239,7 @@ def _start_vector(
             scale = scale_of[p.name]
             low = -MAX_SCALE if signed(p) else MIN_SCALE
             value = p.off + float(np.clip(scale, low, MAX_SCALE)) * (value - p.off)
+        if not is_identifiable(p, problem.data):
+            value = p.off
         start[layout.index(f"{effect.name}.{p.name}")] = float(np.clip(value, p.lower, p.upper))
     return start

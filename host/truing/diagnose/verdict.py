@@ -186,7 +186,7 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
     A rival must itself qualify to be named: an effect that hardly changes the signals explains nothing.
     """
     out = []
-    base = search.fits[()]
+    base, unseen = search.fits[()], UnseenRuns(search.problem)
     # Effects found step by step are judged on runs left out; a rival is not held to more than the best is.
     needs_both = len(best.effects) == 2 and needs_both_effects(search, best)
     for other in search.ranked(len(best.effects)):
@@ -197,7 +197,7 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
         close = ahead.robust_gain < RIVAL_GAIN or similar
         named = is_named(search, other, base)
         named = named and (not needs_both or needs_both_effects(search, other))
-        if close and named and not _only_extends(search, best, other):
+        if close and named and not _only_extends(search, best, other) and unseen.benefit(other, base) > 0.0:
             out.append(other)
     if len(best.effects) == 2 and not both_significant(search, best):
         out += [

@@ -111,9 +111,7 @@ def tracking(run: Run, parameters: Mapping[str, float]) -> Tracking:
     return Tracking(*errors)
 
 
-def _meant(
-    t_s: FloatArray, command_mps: FloatArray, limit_mps2: float
-) -> FloatArray:
+def _meant(t_s: FloatArray, command_mps: FloatArray, limit_mps2: float) -> FloatArray:
     """Mean of the slewed command between rows, shape (n - 1,); a row holds the command up to it."""
     meant, speed = [], 0.0
     for interval, command in zip(np.diff(t_s), command_mps[1:], strict=True):

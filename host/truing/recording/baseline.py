@@ -87,8 +87,10 @@ def read_baseline(path: str | Path) -> Baseline:
         right=reader.wheel(wheel, "right"),
         robot=None if robot_table is None else reader.robot(reader.table(tree, "robot")),
         log_rate_hz=reader.positive(reader.table(tree, "log"), "log", "rate_hz"),
-        effects={name: dict(reader.table(tree.get("effect", {}), name, prefix="effect.")) for name in
-                 reader.table(tree, "effect")},
+        effects={
+            name: dict(reader.table(tree.get("effect", {}), name, prefix="effect."))
+            for name in reader.table(tree, "effect")
+        },
     )
 
 

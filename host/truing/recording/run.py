@@ -227,4 +227,3 @@ def _difference(t_s: FloatArray, travel: FloatArray) -> FloatArray:
         speed = np.diff(travel[last_of_time]) / np.diff(times)
     speed = np.concatenate((speed[:1], speed))
     return speed[np.searchsorted(times, t_s)]
-

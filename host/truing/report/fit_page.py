@@ -23,9 +23,7 @@ from truing.report.run_page import html_table, plotly_script, script_json
 from truing.report.run_view import COLOURS
 
 
-def save_fit(
-    recordings: RecordingSet, models: SetModels, folder: Path, progress: Progress
-) -> list[Path]:
+def save_fit(recordings: RecordingSet, models: SetModels, folder: Path, progress: Progress) -> list[Path]:
     """Write report.html, fit.json and tables/; returns the files, the report first."""
     figures = {}
     for number, run in enumerate(recordings, start=1):

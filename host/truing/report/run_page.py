@@ -151,6 +151,7 @@ def _download(name: str, text: str) -> str:
 
 def html_table(table: PlainTable) -> str:
     """A table as HTML, its notes and remarks below it."""
+
     def cell(tag: str, text: str, numeric: bool) -> str:
         kind = ' class="number"' if numeric else ""
         return f"<{tag}{kind}>{_marked(text)}</{tag}>"

@@ -85,9 +85,7 @@ def _draw_curves(axes: Axes, curves: Curves, kind: str) -> None:
         linestyle=(0, (3, 1.2)),
         label="simulated after (with what was found)",
     )
-    axes.set_title(
-        f"{kind} {curves.run}, {curves.wheel} wheel: {before:.1f} mm/s before, {after:.1f} after"
-    )
+    axes.set_title(f"{kind} {curves.run}, {curves.wheel} wheel: {before:.1f} mm/s before, {after:.1f} after")
     axes.set_ylabel("speed at the rim, m/s")
     axes.margins(y=0.12)
 

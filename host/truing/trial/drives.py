@@ -126,9 +126,7 @@ def longest_drive_s(plans: Sequence[Plan], more_s: float = 0.0) -> float:
     return sum(plan.duration_s + _LONGEST_PAUSE_S for plan in plans) + more_s + 5.0
 
 
-def drive_set(
-    robot: SimulatedRobot, plans: Sequence[Plan], spec: Robot, placing_seed: int
-) -> DrivenSet:
+def drive_set(robot: SimulatedRobot, plans: Sequence[Plan], spec: Robot, placing_seed: int) -> DrivenSet:
     """Drive the plans one right after the other, and close the robot."""
     drive = TrialDrive(robot, spec, placing_seed, longest_drive_s(plans))
     try:

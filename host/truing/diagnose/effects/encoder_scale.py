@@ -4,8 +4,8 @@
 
 A four-fold decoder set to two, a worn coupling, one channel dead: whole factors and odd ones occur (one of
 the real recordings here reads 34 to 67 % of the other side). With encoders and efforts alone a scale is not
-distinguishable from a gain, whatever the run: that takes an outside pose or yaw rate, or a baseline whose
-two sides must be equal.
+distinguishable from a gain, whatever the run: that takes an outside pose or yaw rate. Where the baseline's
+two sides must be equal, encoders and efforts show the ratio of the two scales; the left one stands for it.
 
 In data: all speeds of one wheel off by one factor; an outside pose says that the robot went elsewhere
 than its encoders claim.
@@ -16,9 +16,13 @@ a direct measurement separates counts from radius.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from truing.diagnose.data import exercise
 from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, per_wheel
+
+_LEFT, _RIGHT = per_wheel("", "1", 0.2, 5.0, 1.0, (0.9, 1.1))
 
 
 def measure(increment: float, own: float) -> float:
@@ -47,7 +51,7 @@ EFFECT = Effect(
         "wheel_radius_error": "a direct measurement of wheel radius and counts per revolution",
         "encoder_dropout": "a staircase of speeds",
     },
-    parameters=per_wheel("", "1", 0.2, 5.0, 1.0, (0.9, 1.1)),
+    parameters=(_LEFT, replace(_RIGHT, needs_pose=True)),
     domain="both",
     exercised=_exercised,
 )
