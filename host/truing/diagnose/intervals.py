@@ -16,7 +16,7 @@ import numpy as np
 
 from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.diagnose.catalogue import CATALOGUE
-from truing.diagnose.compare import row_blocks
+from truing.diagnose.compare import SIGNIFICANT_GAIN, row_blocks
 from truing.diagnose.distributions import CHI2_95, NORMAL_975, student_quantile
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.problem import CLIP, Problem
@@ -24,8 +24,8 @@ from truing.diagnose.result import EffectParameter
 
 # Runs needed for a variance between runs. Pose windows per cluster: more than any run has.
 MIN_RUNS, WHOLE_RUN = 6, 1_000_000
-# Iterations of the refit under white noise.
-REFIT_STEPS = 6
+# Iterations of the refit under white noise, and of the one without an effect.
+REFIT_STEPS, WITHOUT_STEPS = 6, 10
 # Standard deviations to the end of a 95 % interval; 95 % quantile of chi-squared with one degree of freedom.
 QUANTILE = NORMAL_975
 # Multiples of the interval at which the profile is evaluated.
@@ -199,4 +199,28 @@ def effect_parameters(
         variance = float(slopes[key] @ parameter_covariance @ slopes[key])
         half = QUANTILE * math.sqrt(max(variance, 0.0))
         out[key] = EffectParameter(value, (value - half, value + half), units.get(key, "1"))
-    return out
+    return _clear_of_absent(problem, done, name, out)
+
+
+def _clear_of_absent(
+    problem: Problem, done: Fit, name: str, found: dict[str, EffectParameter]
+) -> dict[str, EffectParameter]:
+    """The interval of an effect's one parameter, cut where the likelihood rules out that it is absent.
+
+    Two lags in series are exchangeable: where they are about equal the likelihood is flat in their
+    difference, to the second order, and the curvature's interval is as wide as one likes. The loss without
+    the effect then sets the end, by a fourth-order parabola from the flat bottom.
+    """
+    absent = problem.simulator.report(name, problem.simulator.start())
+    key, value = next(iter(found.items()))
+    low, high = value.ci95
+    if len(found) > 1 or name not in done.effects or not low <= absent[key] <= high:
+        return found
+    rest = tuple(each for each in done.effects if each != name)
+    without = fit(problem, rest, done.theta, iterations=WITHOUT_STEPS)
+    lost = (without.cost - done.cost) / max(_mean_squared_residual(done, done.residual.flat()), 1e-12)
+    if lost < 2.0 * SIGNIFICANT_GAIN:
+        return found
+    reach = abs(value.value - absent[key]) * (CHI2_95 / lost) ** 0.25
+    ends = (value.value - reach, high) if absent[key] < value.value else (low, value.value + reach)
+    return {key: replace(value, ci95=ends)}

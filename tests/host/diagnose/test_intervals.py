@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from support.simulated_runs import RICH, levels, noisy_robot
+from support.simulated_runs import RICH, TAU, levels, noisy_robot
 from truing.diagnose.data.set_data import SetData
 from truing.diagnose.engine import initial_fit, noise_from_fit
 from truing.diagnose.fit import Fit, fit
@@ -91,3 +91,11 @@ def test_a_parameter_at_its_bound_adds_no_uncertainty_to_the_others() -> None:
 def delayed() -> tuple[SetData, SetSimulator]:
     data = robot(EIGHT_RUNS, "input_delay", {"delay": 0.06}, 4)
     return data, SetSimulator(data)
+
+
+def test_two_lags_of_one_length_are_both_there() -> None:
+    """A driver as slow as the wheel: the likelihood is flat in the difference of the two."""
+    true = {"time_constant": float(np.mean(TAU))}
+    found = intervals(robot(EIGHT_RUNS, "driver_lag", true, 2), "driver_lag", true)["time_constant"]
+    assert holds(found, true["time_constant"])
+    assert found.ci95[0] > 0.3 * true["time_constant"]
