@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from truing.arrays import FloatArray
 from truing.plan import Kind, Plan
 
 _STEP_S = 0.01
@@ -62,42 +65,44 @@ class FloorNeed:
 def estimate_floor(plan: Plan, model: MotionModel | None = None) -> FloorNeed:
     """Roll first-order wheels through the plan and widen the path by what they leave out."""
     model = model or MotionModel()
-    left = right = 0.0
-    heading = x = y = travelled = 0.0
-    xs, ys = [0.0], [0.0]
-    top_body = top_wheel = reach = 0.0
-    stopping = (0.0, 0.0, 5 * model.time_constant_s)
-    for target_left, target_right, duration_s in [*_wheel_targets(plan, model), stopping]:
-        steps = max(1, math.ceil(duration_s / _STEP_S))
-        dt = duration_s / steps
-        decay = math.exp(-dt / model.time_constant_s)
-        for _ in range(steps):
-            left = target_left + (left - target_left) * decay
-            right = target_right + (right - target_right) * decay
-            v = 0.5 * (left + right)
-            turn = (right - left) / model.wheelbase_m * dt
-            x += v * dt * math.cos(heading + 0.5 * turn)
-            y += v * dt * math.sin(heading + 0.5 * turn)
-            heading += turn
-            travelled += abs(v) * dt
-            # Off a straight line by a curl c over a path s: c s^2 / 2, and never beyond the path itself.
-            stray = min(0.5 * _CURL_RAD_PER_M * travelled * travelled, travelled)
-            ys += [y - stray, y + stray]
-            xs.append(x)
-            reach = max(reach, min(math.hypot(x, y) + stray, travelled))
-            top_body = max(top_body, abs(v))
-            top_wheel = max(top_wheel, abs(left), abs(right))
+    left, right, dt = _wheel_speeds(
+        [*_wheel_targets(plan, model), (0.0, 0.0, 5 * model.time_constant_s)], model
+    )
+    v = 0.5 * (left + right)
+    turn = (right - left) / model.wheelbase_m * dt
+    heading = np.cumsum(turn) - 0.5 * turn
+    x, y = np.cumsum(v * dt * np.cos(heading)), np.cumsum(v * dt * np.sin(heading))
+    travelled = np.cumsum(np.abs(v) * dt)
+    # Off a straight line by a curl c over a path s: c s^2 / 2, and never beyond the path itself.
+    stray = np.minimum(0.5 * _CURL_RAD_PER_M * travelled**2, travelled)
     return FloorNeed(
-        ahead_m=max(0.0, *xs),
-        behind_m=max(0.0, -min(xs)),
-        left_m=max(0.0, *ys),
-        right_m=max(0.0, -min(ys)),
-        radius_m=reach,
-        top_speed_mps=top_body,
-        top_wheel_speed_mps=top_wheel,
+        ahead_m=max(0.0, float(x.max())),
+        behind_m=max(0.0, -float(x.min())),
+        left_m=max(0.0, float((y + stray).max())),
+        right_m=max(0.0, -float((y - stray).min())),
+        radius_m=float(np.minimum(np.hypot(x, y) + stray, travelled).max()),
+        top_speed_mps=float(np.abs(v).max()),
+        top_wheel_speed_mps=float(max(np.abs(left).max(), np.abs(right).max())),
         duration_s=plan.duration_s,
         source=model.source,
     )
+
+
+def _wheel_speeds(
+    targets: list[tuple[float, float, float]], model: MotionModel
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """First-order wheels through steady speeds: left and right, m/s, and the step before each, s."""
+    speeds, steps_s = [], []
+    last = np.zeros(2)
+    for left, right, duration_s in targets:
+        steps = max(1, math.ceil(duration_s / _STEP_S))
+        decay = np.exp(-duration_s / steps / model.time_constant_s * np.arange(1, steps + 1))[:, None]
+        target = np.array([left, right])
+        speeds.append(target + (last - target) * decay)
+        steps_s.append(np.full(steps, duration_s / steps))
+        last = speeds[-1][-1]
+    both = np.concatenate(speeds)
+    return both[:, 0], both[:, 1], np.concatenate(steps_s)
 
 
 def _wheel_targets(plan: Plan, model: MotionModel) -> list[tuple[float, float, float]]:

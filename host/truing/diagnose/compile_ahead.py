@@ -32,7 +32,7 @@ def small_set() -> RecordingSet:
 
 def _run(name: str, right_share: float) -> Run:
     effort = np.repeat(LEVELS, 20)
-    columns = {"t_s": np.arange(len(effort)) * ROW_S}
+    columns: dict[str, FloatArray] = {"t_s": np.asarray(np.arange(len(effort)) * ROW_S, dtype=np.float64)}
     speeds = {"left": _driven(effort), "right": _driven(right_share * effort)}
     for side, scale in (("left", 1.0), ("right", right_share)):
         columns |= {
@@ -41,7 +41,7 @@ def _run(name: str, right_share: float) -> Run:
             f"vel_{side}_mps": speeds[side],
         }
     yaw_radps = (speeds["right"] - speeds["left"]) / WHEELBASE_M
-    heading = np.cumsum(yaw_radps) * ROW_S
+    heading: FloatArray = np.cumsum(yaw_radps) * ROW_S
     ahead = 0.5 * (speeds["left"] + speeds["right"]) * ROW_S
     columns |= {
         "truth_x_m": np.cumsum(ahead * np.cos(heading)),

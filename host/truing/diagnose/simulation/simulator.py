@@ -346,6 +346,7 @@ class SetSimulator:
         self._unsettled = sum(1 << bit for bit, one in enumerate(self.catalogue.values()) if not one.settles)
         self._scratch = self._new_scratch()
         self._known = (-1, b"")
+        self._known_steps_s: dict[int, float] = {}
 
     def _new_scratch(self) -> Scratch:
         stage = self._kernel.stage
@@ -369,6 +370,11 @@ class SetSimulator:
 
     def _step_s(self, active: int) -> float:
         """The longest substep that solves these effects together; infinite where every step is exact."""
+        if active not in self._known_steps_s:
+            self._known_steps_s[active] = self._longest_step_s(active)
+        return self._known_steps_s[active]
+
+    def _longest_step_s(self, active: int) -> float:
         wanted = [
             effect
             for bit, effect in enumerate(self.catalogue.values())
