@@ -65,6 +65,11 @@ LINE_WIDTH = 100
     help="Judge the pose (truth, else odometry) against what the efforts command, and no wheel.",
 )
 @click.option("--wheel", type=click.Choice(["left", "right"]), help="Judge this wheel alone.")
+@click.option(
+    "--accept",
+    metavar="EFFECT+EFFECT",
+    help="Take these effects for the model, whatever the verdict: names of the ranking, or parts of them.",
+)
 @click.option("--wheels-only", is_flag=True, help="Ignore the external pose (truth_*).")
 @click.option("--jobs", type=click.IntRange(min=1), help="Threads.  [default: one for each processor]")
 @pass_app
@@ -80,6 +85,7 @@ def command(
     floor_m: float | None,
     commanded: bool,
     wheel: Wheel | None,
+    accept: str | None,
     wheels_only: bool,
     jobs: int | None,
 ) -> None:
@@ -96,6 +102,7 @@ def command(
       truing diagnose my_robot --sim-runs gazebo_output
       truing diagnose my_robot --commanded
       truing diagnose my_robot --export toml:model.toml --export params:board.toml
+      truing diagnose my_robot --accept friction+asymmetry --export mjcf:robot.xml
       truing diagnose my_robot --next-run next.toml && truing run next.toml --set my_robot
     """
     # Set before numpy is loaded: the matrices here are small, and threads of their own only get in the way.
@@ -112,7 +119,8 @@ def command(
         recordings = read_input(runs, model)
         if commanded and (wheels_only or wheel is not None or sim_runs is not None):
             raise click.UsageError("--commanded goes without --wheel, --wheels-only and --sim-runs")
-        options = Options(sim_runs, wheels_only, jobs, floor_m, commanded, wheel)
+        accepted = () if accept is None else tuple(name.strip() for name in accept.split("+"))
+        options = Options(sim_runs, wheels_only, jobs, floor_m, commanded, wheel, accepted)
         compile_once(app.note)
         with app.progress("diagnosing") as progress:
             diagnosis = diagnose(recordings, options, progress)

@@ -24,6 +24,7 @@ class Options:
         commands.
     floor_m : floor that a proposed run may use, m; None: as much as the recorded runs used.
     wheel : diagnose this wheel alone.
+    accept : effects that the user takes for the model, whatever the verdict; empty: none.
     """
 
     sim_runs: Path | None = None
@@ -32,6 +33,7 @@ class Options:
     floor_m: float | None = None
     commanded: bool = False
     wheel: Wheel | None = None
+    accept: tuple[str, ...] = ()
 
 
 def read_input(path: Path, model: Path | None) -> RecordingSet:

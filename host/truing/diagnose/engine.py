@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truing.arrays import BoolArray
+from truing.diagnose.accepted import with_accepted
 from truing.diagnose.applicable import applicable_effects
 from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.data.checks import check_data
@@ -95,7 +96,7 @@ def _diagnose(recordings: RecordingSet, options: Options, progress: Progress) ->
     fault = None if options.commanded else find_encoder_fault(recordings, recordings.baseline)
     wheel = options.wheel or (None if fault is None else fault.other)
     selected = recordings if wheel is None else one_wheel(recordings, wheel)
-    diagnosis = analyse(selected, progress, options.jobs, commanded=options.commanded)
+    diagnosis = analyse(selected, progress, options.jobs, commanded=options.commanded, accept=options.accept)
     if fault is not None and options.wheel != fault.other:
         diagnosis = with_encoder_fault(diagnosis, fault)
     known = {(check.topic, check.run, check.wheel) for check in diagnosis.checks}
@@ -119,6 +120,7 @@ def analyse(
     jobs: int | None = None,
     *,
     commanded: bool = False,
+    accept: Sequence[str] = (),
 ) -> Diagnosis:
     """Fits and verdict for recordings that have been checked, without what follows from the verdict.
 
@@ -126,11 +128,14 @@ def analyse(
     ----------
     jobs : threads; all cores where None.
     commanded : the pose is compared with the commands, and the wheels are not used.
+    accept : effects that the user takes for the model.
     """
     began = time.monotonic()
     measured = at_renewals(recordings)
     data = set_data(measured, commanded=commanded, repeated=_repeated(recordings, measured))
     reasoning = investigate(data, progress, jobs or os.cpu_count() or 1)
+    if accept:
+        reasoning = with_accepted(reasoning, accept)
     progress(0.9)
     diagnosis = assemble_result(recordings, reasoning)
     progress(1.0)

@@ -195,14 +195,14 @@ class _DriveComparison:
         """Smallest whitened difference for one drive, the rival refitted on it and on the recordings."""
         simulator = self._simulator([plan])
         weights, old = self._weights(simulator), self._drive(simulator) < 0
-        least = math.inf
+        smallest = math.inf
         for pair in itertools.permutations(range(len(self.explanations)), 2):
             if pair in self.contained | self.indistinguishable:
                 continue
             truth, rival = self.explanations[pair[0]], self.explanations[pair[1]]
             target = self._values(simulator, self._theta(simulator, truth), truth.effects)
-            least = min(least, self._gap(simulator, target, rival, weights, old))
-        return math.sqrt(max(least, 0.0))
+            smallest = min(smallest, self._gap(simulator, target, rival, weights, old))
+        return math.sqrt(max(smallest, 0.0))
 
     def _gap(
         self,

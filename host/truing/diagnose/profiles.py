@@ -84,7 +84,7 @@ def candidate_plans(robot: Robot, limits: Limits, log_rate_hz: float) -> Iterato
                         fitted += 1
                         yield profile, plan
             if not fitted and not spin:
-                # A fast robot on a small floor: shorter steps at the least amplitude.
+                # A fast robot on a small floor: shorter steps at the smallest amplitude.
                 short = [(0.4 * seconds, a, b) for seconds, a, b in profile.build(MIN_AMPLITUDE, robot)]
                 plan = _plan(profile, short, MIN_AMPLITUDE, spin, round(log_rate_hz))
                 if plan is not None and _fits(plan, robot, limits):

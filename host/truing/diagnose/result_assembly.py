@@ -116,12 +116,15 @@ def _left_over(reasoning: Reasoning) -> float:
 
 
 def _notes(reasoning: Reasoning, base: HeldOut, shown: _Evaluated) -> tuple[str, ...]:
-    """Where the order of the errors does not hold on runs left out, this is said."""
+    """Whose choice the effects are, and where the order of the errors does not hold on runs left out."""
+    notes = []
+    if reasoning.accepted:
+        notes.append("the effects are those given with --accept, not the diagnosis's own choice")
     weight = reasoning.problem.measured
     before, after = base.rmse(weight), shown.held_out.rmse(weight)
     if shown.fit.effects and after > before and not len(reasoning.problem.pose_counted):
-        return ("on runs left out of the fit the named effects do not lower the error",)
-    return ()
+        notes.append("on runs left out of the fit the named effects do not lower the error")
+    return tuple(notes)
 
 
 def _explanations(reasoning: Reasoning) -> list[Fit]:

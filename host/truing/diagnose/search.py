@@ -113,6 +113,11 @@ class Search:
             )
         return sorted(found, key=lambda one: -self.compare(one, anchor).gain)
 
+    def with_effect(self, anchor: Fit, name: str) -> Fit:
+        """`anchor` with this effect added, fitted from the starting values of its score test."""
+        probes = simulate_probes(self.problem, anchor, [name])
+        return self._fit(anchor, rank_candidates(self.problem, anchor, probes)[0])
+
     def refined(self, one: Fit, anchor: Fit) -> Fit:
         """A quick fit continued to its end, and kept."""
         done = self._not_worse_than(anchor, fit(self.problem, one.effects, one.theta, iterations=15))

@@ -70,6 +70,7 @@ class Reasoning:
     rivals : other fits that explain the recordings as well, best first.
     remaining : predictable structure in the residual of `best`.
     confidence : in `best`, 0 to 1.
+    accepted : `best` is the user's choice, not the verdict's.
     """
 
     search: Search
@@ -80,6 +81,7 @@ class Reasoning:
     rivals: tuple[Fit, ...]
     remaining: Structure
     confidence: float
+    accepted: bool = False
 
     @property
     def problem(self) -> Problem:
@@ -107,6 +109,12 @@ def decide(search: Search, best: Fit) -> Reasoning:
     if any(len(rival.effects) < len(best.effects) for rival in rivals):
         sure = min(sure, TIED_CONFIDENCE)  # one effect fewer explains the recordings as well
     return Reasoning(search, verdict, given, base, best, rivals, remaining, sure)
+
+
+def leaves_something(search: Search, best: Fit) -> bool:
+    """Whether a model leaves more than noise and slow disturbances."""
+    remaining = above_quantisation(search.problem, best, residual_structure(search.problem, best))
+    return _leaves_something(search, best, remaining, EXCESS_OF_FLOOR)
 
 
 def is_incomplete(search: Search, best: Fit) -> bool:
@@ -209,10 +217,10 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
 def _limit_names(best: Fit, rivals: list[Fit]) -> tuple[Fit, ...]:
     """The first rival, and of the others those that keep the number of names within the limit."""
     names: set[str] = set(best.effects)
-    most = max(MAX_NAMED, len(names) + MAX_MORE_NAMED)
+    max_named = max(MAX_NAMED, len(names) + MAX_MORE_NAMED)
     kept: list[Fit] = []
     for rival in rivals:
-        if not kept or len(names.union(rival.effects)) <= most:
+        if not kept or len(names.union(rival.effects)) <= max_named:
             kept.append(rival)
             names.update(rival.effects)
     return tuple(kept)

@@ -23,7 +23,7 @@ from truing.recording.baseline import Baseline
 
 # Derivatives: a step of this share of the parameter's own size (or of its weak start).
 DERIVATIVE_SHARE = 1e-4
-LEAST_STEP_S = 5e-4
+MIN_STEP_S = 5e-4
 # Where the measured speeds change by less than this share of full speed per time constant, substeps may be
 # longer by this factor. Measured, not simulated: derivatives by differences need the same substeps.
 STEADY_SHARE = 0.15
@@ -383,7 +383,7 @@ class SetSimulator:
         if not wanted or (len(wanted) == 1 and wanted[0].exact):
             return math.inf
         share = min(effect.step_share for effect in wanted)
-        return max(share * self._smallest_tau, LEAST_STEP_S) * self.step_factor
+        return max(share * self._smallest_tau, MIN_STEP_S) * self.step_factor
 
     def _simulate(self, theta: FloatArray, on: BoolArray) -> tuple[FloatArray, FloatArray]:
         p, active, step_s = self._pack(theta, on)

@@ -19,7 +19,7 @@ from .tolerances import PAST_EVENT_S, SAME_MPS, TINY_S
 # Share of dry friction on the motor's side of the gap: bearings and gears on one side, the tyre on the other.
 FRICTION_AT_MOTOR = 0.5
 # Smallest share of the inertia that a body has.
-LEAST_SHARE = 0.02
+MIN_SHARE = 0.02
 # Most events in one substep, and halvings of the span in which an event is looked for.
 MAX_EVENTS = 1000
 BISECTIONS = 45
@@ -60,8 +60,8 @@ def advance_bodies(
     spin_share : share of the inertia that turns when the tyre slides.
     """
     has_gap, slides = gap > 0.0, grip < math.inf
-    at_motor = max(motor_share, LEAST_SHARE) if has_gap else 0.0
-    at_rim = max(spin_share - at_motor, LEAST_SHARE) if slides else 0.0
+    at_motor = max(motor_share, MIN_SHARE) if has_gap else 0.0
+    at_rim = max(spin_share - at_motor, MIN_SHARE) if slides else 0.0
     dry_motor = FRICTION_AT_MOTOR * wheel.friction if has_gap else 0.0
     b = Bodies(
         motor, back_emf, push, wheel.friction, dry_motor, wheel.slope, gap, grip,
