@@ -38,8 +38,7 @@ def _unidentifiable(data: SetData) -> frozenset[str]:
     if data.commanded:
         return NEED_MEASURED_WHEELS
     found = frozenset() if data.valid.any(axis=0).all() else NEED_BOTH_WHEELS
-    equal = data.baseline.left == data.baseline.right
-    return found if data.has_truth or data.has_gyro or equal else found | ONE_WITH_FREE_GAINS
+    return found if data.has_pose or data.baseline.has_equal_wheels else found | ONE_WITH_FREE_GAINS
 
 
 def not_exercised(data: SetData) -> tuple[str, ...]:
@@ -56,11 +55,11 @@ def weakly_exercised(data: SetData) -> tuple[str, ...]:
 def missing_needs(data: SetData, effect: Effect) -> tuple[Need, ...]:
     """Data that the effect needs and that recordings or baseline lack."""
     there: dict[Need, bool] = {
-        "pose": data.has_truth or data.has_gyro,
+        "pose": data.has_pose,
         "heading": data.heading_rad is not None,
         "geometry": data.baseline.wheelbase_m is not None,
         "angle": data.angle_rad is not None,
         "vel": data.source == "vel",
-        "equal_wheels": data.baseline.left == data.baseline.right,
+        "equal_wheels": data.baseline.has_equal_wheels,
     }
     return tuple(need for need in effect.needs if not there[need])

@@ -184,7 +184,6 @@ def investigate(data: SetData, progress: Progress, jobs: int) -> Reasoning:
 def initial_fit(data: SetData, simulator: SetSimulator) -> _Stage:
     """Refit the baseline; the noise is the part of its residual that is not predictable out of sample."""
     lagged = lagged_rows(data)
-    left, right = data.baseline.left, data.baseline.right
     windows = len(simulator.windows(data.pose_horizon_s))
     problem = Problem(
         data=data,
@@ -194,9 +193,9 @@ def initial_fit(data: SetData, simulator: SetSimulator) -> _Stage:
         counted=data.counted.astype(float),
         pose_counted=np.zeros(windows),
         lagged=lagged,
-        tied=left == right,
+        tied=simulator.tied,
         base_effects=tuple(data.baseline.effects),
-        base_columns=base_columns(simulator, left == right, tuple(data.baseline.effects)),
+        base_columns=base_columns(simulator, simulator.tied, tuple(data.baseline.effects)),
         direct_evidence={name: effect.evidence(data) for name, effect in CATALOGUE.items()},
     )
     base = fit(problem, (), simulator.start(), iterations=25)

@@ -50,7 +50,7 @@ def _fit_exchanged(search: Search, best: Fit, name: str, other: Fit) -> None:
         return
     start = best.theta.copy()
     for column in other.columns:
-        if column.name.split(".")[0] == other.effects[0]:
+        if column.effect == other.effects[0]:
             entries = list(column.entries)
             start[entries] = other.theta[entries]
     search.fits[effect_set(*effects)] = fit(search.problem, effects, start, iterations=ITERATIONS)

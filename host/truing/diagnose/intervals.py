@@ -114,7 +114,7 @@ def _profile_widening(
     """
     widening = np.ones(done.size)
     for k, column in enumerate(done.columns):
-        if "." not in column.name or not identifiable[k]:
+        if not column.effect or not identifiable[k]:
             continue
         along = likelihood[:, k] / likelihood[k, k]
         end = QUANTILE * math.sqrt(float(likelihood[k, k]))

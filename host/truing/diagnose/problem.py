@@ -39,6 +39,12 @@ class Column:
     upper: float
     start: float
 
+    @property
+    def effect(self) -> str:
+        """The effect that it belongs to; empty for gains and time constants."""
+        effect, dot, _ = self.name.partition(".")
+        return effect if dot else ""
+
 
 @dataclass(frozen=True, slots=True)
 class Residual:
@@ -211,8 +217,7 @@ def weighted_rms(error: FloatArray, weight: FloatArray) -> float:
 
 def moves_pose(column: Column, commanded: bool) -> bool:
     """Whether a parameter changes the predicted pose, given the measured wheels."""
-    effect = column.name.split(".")[0]
-    return commanded or ("." in column.name and CATALOGUE[effect].domain != "wheel")
+    return commanded or (column.effect != "" and CATALOGUE[column.effect].domain != "wheel")
 
 
 def effect_columns(simulator: SetSimulator, name: str) -> tuple[Column, ...]:
@@ -233,7 +238,7 @@ def effect_columns(simulator: SetSimulator, name: str) -> tuple[Column, ...]:
 
 def is_identifiable(parameter: Parameter, data: SetData) -> bool:
     """Whether a parameter may leave its value without the effect."""
-    return data.has_truth or data.has_gyro or not parameter.needs_pose
+    return not parameter.needs_pose or data.has_pose
 
 
 def base_columns(simulator: SetSimulator, tied: bool, base_effects: tuple[str, ...]) -> tuple[Column, ...]:

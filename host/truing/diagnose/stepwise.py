@@ -42,7 +42,9 @@ def extend_model(search: Search, best: Fit) -> tuple[Search, Fit]:
             break
         search = under_noise_of(search, found)
         best = search.fits[effect_set(*found.effects)]
-    return search, _pruned(search, best) if len(best.effects) > first else best
+    if len(best.effects) > first:
+        best = _pruned(search, UnseenRuns(search.problem), best)
+    return search, best
 
 
 def without_uncertain_effects(search: Search, best: Fit) -> Fit:
@@ -94,11 +96,10 @@ def is_worth_it(search: Search, unseen: UnseenRuns, one: Fit, other: Fit) -> boo
 def ends_at_a_limit(problem: Problem, done: Fit, name: str) -> bool:
     """Whether the fit asks for more of an effect than the catalogue holds possible."""
     absent = problem.simulator.start()
-    shaping = {p.name for p in CATALOGUE[name].parameters if p.nuisance or p.scan}
+    shaping = {f"{name}.{p.name}" for p in CATALOGUE[name].parameters if p.nuisance or p.scan}
     for column in done.columns:
-        effect, _, parameter = column.name.partition(".")
         entry = column.entries[0]
-        if effect == name and parameter not in shaping:
+        if column.effect == name and column.name not in shaping:
             value, reach = float(done.theta[entry]), AT_A_LIMIT * (column.upper - column.lower)
             at_a_limit = not column.lower + reach < value < column.upper - reach
             if at_a_limit and abs(value - absent[entry]) > reach:
@@ -110,11 +111,10 @@ def _free_run_error(search: Search, one: Fit) -> float:
     return search.problem.free_run_rmse(one.residual.speeds)
 
 
-def _pruned(search: Search, best: Fit) -> Fit:
+def _pruned(search: Search, unseen: UnseenRuns, best: Fit) -> Fit:
     """`best` without the effects that it no longer needs."""
-    unseen = UnseenRuns(search.problem)
     for name in best.effects[:-1]:
         less = _without(search, best, name)
         if not is_worth_it(search, unseen, best, less):
-            return _pruned(search, less)
+            return _pruned(search, unseen, less)
     return best

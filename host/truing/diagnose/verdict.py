@@ -111,10 +111,10 @@ def decide(search: Search, best: Fit) -> Reasoning:
     return Reasoning(search, verdict, given, base, best, rivals, remaining, sure)
 
 
-def leaves_something(search: Search, best: Fit) -> bool:
-    """Whether a model leaves more than noise and slow disturbances."""
+def leaves_something(search: Search, best: Fit, times_floor: float = EXCESS_OF_FLOOR) -> bool:
+    """Whether a model leaves more than so many floors of noise, and more than slow disturbances."""
     remaining = above_quantisation(search.problem, best, residual_structure(search.problem, best))
-    return _leaves_something(search, best, remaining, EXCESS_OF_FLOOR)
+    return _leaves_something(search, best, remaining, times_floor)
 
 
 def is_incomplete(search: Search, best: Fit) -> bool:
@@ -125,8 +125,7 @@ def is_incomplete(search: Search, best: Fit) -> bool:
     explained = share_explained(search.problem, best, search.fits[()])
     if len(best.effects) > 1 and explained < MIN_EXPLAINED_BY_TWO:
         return False
-    remaining = above_quantisation(search.problem, best, residual_structure(search.problem, best))
-    return _leaves_something(search, best, remaining, SUSPECT_OF_FLOOR)
+    return leaves_something(search, best, SUSPECT_OF_FLOOR)
 
 
 def _leaves_something(search: Search, best: Fit, remaining: Structure, times_floor: float) -> bool:
@@ -141,7 +140,7 @@ def _leaves_something(search: Search, best: Fit, remaining: Structure, times_flo
 def _exceeds_noise(problem: Problem, best: Fit, remaining: Structure, times_floor: float) -> bool:
     """Whether either wheel leaves more than so many floors, and not as a slow disturbance."""
     more = problem.rms_by_wheel(best.residual.speeds) > times_floor * problem.floor.rms
-    return bool(np.any(more & ~is_disturbance(problem, best, remaining)))
+    return bool(more.any() and np.any(more & ~is_disturbance(problem, best, remaining)))
 
 
 def select_model(search: Search, base: Fit) -> Fit:

@@ -57,6 +57,11 @@ class Baseline:
         return None if self.robot is None else self.robot.metres_per_count
 
     @property
+    def has_equal_wheels(self) -> bool:
+        """Whether both wheels have the same gain and time constant."""
+        return self.left == self.right
+
+    @property
     def wheelbase_m(self) -> float | None:
         """Distance between the wheels' contact points (m), or None."""
         return None if self.robot is None else self.robot.wheelbase_m

@@ -182,6 +182,11 @@ class SetData:
         """Whether a yaw rate is there."""
         return bool(np.isfinite(self.gyro_radps).any())
 
+    @property
+    def has_pose(self) -> bool:
+        """Whether anything from outside the wheels tells where the robot went or how it turned."""
+        return self.has_truth or self.has_gyro
+
     def rows_of(self, run: int) -> BoolArray:
         """Rows of one run, shape (n,)."""
         return np.asarray(self.run_of_row == run)

@@ -33,7 +33,7 @@ def distance(forward: float, distance_scale: float) -> float:
 
 
 def _exercised(data: SetData) -> float:
-    if not data.has_truth and not data.has_gyro:
+    if not data.has_pose:
         return 0.0
     forward = abs(data.speed_mps.mean(axis=1)) * data.dt_s
     return exercise.enough(float(forward[data.judged].sum()), 5.0)

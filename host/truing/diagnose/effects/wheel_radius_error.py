@@ -27,7 +27,7 @@ def ground(increment: float, own: float) -> float:
 
 
 def _exercised(data: SetData) -> float:
-    if not data.has_truth and not data.has_gyro:
+    if not data.has_pose:
         return 0.0
     return exercise.enough(exercise.seconds(data, exercise.moving(data)), 10.0)
 

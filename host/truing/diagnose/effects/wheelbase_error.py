@@ -28,7 +28,7 @@ def turning(turn: float, factor: float) -> float:
 
 def _exercised(data: SetData) -> float:
     base = data.baseline.wheelbase_m
-    if base is None or not (data.has_truth or data.has_gyro):
+    if base is None or not data.has_pose:
         return 0.0
     difference = np.abs(data.speed_mps[:, 1] - data.speed_mps[:, 0]) * data.dt_s / base
     return exercise.enough(float(difference[data.judged].sum()), 6.0)

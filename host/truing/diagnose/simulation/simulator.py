@@ -100,7 +100,7 @@ class SetSimulator:
     @property
     def tied(self) -> bool:
         """Whether the baseline has both wheels equal, so that a refit keeps them equal."""
-        return self.baseline.left == self.baseline.right
+        return self.baseline.has_equal_wheels
 
     @property
     def baseline_effects(self) -> tuple[str, ...]:
