@@ -50,14 +50,27 @@ static float wheel_effort(struct drive *drive, const struct tuning *tuning, int 
     }
 }
 
+/* Before any clamp: a clamp makes a limit, that is full effort, of what is not a number. */
+static bool is_share(float value)
+{
+    return value >= 0.0f && value <= 1.0f;
+}
+
 void drive_step(struct drive *drive, const struct tuning *tuning,
                 const struct wheel_measure speed[HAL_WHEELS], const bool still[HAL_WHEELS])
 {
     int16_t pins_e4[HAL_WHEELS];
+    float wanted[HAL_WHEELS];
     bool braked = true;
+    bool finite = is_share(tuning->effort_limit);
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
-        const float effort = clampf(wheel_effort(drive, tuning, wheel, &speed[wheel], still[wheel]),
-                                    -tuning->effort_limit, tuning->effort_limit);
+        wanted[wheel] = wheel_effort(drive, tuning, wheel, &speed[wheel], still[wheel]);
+        finite = finite && is_finite(wanted[wheel]);
+    }
+    drive->not_finite = !finite;
+    for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        const float effort =
+            finite ? clampf(wanted[wheel], -tuning->effort_limit, tuning->effort_limit) : 0.0f;
         const int16_t effort_e4 = (int16_t)round_to_i32(effort * effort_to_e4);
         drive->applied_e4[wheel] = effort_e4;
         pins_e4[wheel] = (int16_t)(tuning->motor_reversed[wheel] ? -effort_e4 : effort_e4);

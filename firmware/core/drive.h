@@ -15,6 +15,7 @@ struct drive {
     struct velocity_control control[HAL_WHEELS];
     bool take_over;                 /* velocity mode begins with the next tick */
     int16_t applied_e4[HAL_WHEELS]; /* what the bridges apply now, forward positive */
+    bool not_finite;                /* the last step had no effort to apply, and braked */
     uint32_t braked_ms;             /* ticks since an effort was last applied, saturating */
 };
 
@@ -30,7 +31,8 @@ void drive_command(struct drive *drive, uint8_t mode, float left, float right);
 /* Brakes both wheels at once. */
 void drive_brake(struct drive *drive);
 
-/* One tick: works out the efforts and hands them to the bridges. */
+/* One tick: works out the efforts and hands them to the bridges. Where an effort is not a number, brakes both
+ * wheels instead. */
 void drive_step(struct drive *drive, const struct tuning *tuning,
                 const struct wheel_measure speed[HAL_WHEELS], const bool still[HAL_WHEELS]);
 

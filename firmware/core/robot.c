@@ -52,6 +52,7 @@ static void sense(struct robot *robot)
 {
     const struct hal_sample before = robot->sample;
     int32_t moved[HAL_WHEELS];
+    bool finite = tuning_is_finite(&robot->tuning) && !robot->drive.not_finite;
     hal_sense(&robot->sample);
     if (!robot->speeds_stale && robot->sample.now_us - before.now_us > LATE_US) {
         robot->supervisor.overrun = true; /* this tick was delayed so long that one was missed */
@@ -80,12 +81,15 @@ static void sense(struct robot *robot)
                                   : wheel_speed_from_counts(&robot->wheels[wheel], metres);
         robot->view.speed_mps[wheel] = wheel_speed_window_mps(&robot->wheels[wheel], metres);
         robot->view.still[wheel] = wheel_speed_is_still(&robot->wheels[wheel]);
+        finite = finite && wheel_watch_is_finite(&robot->watches[wheel]); /* before the step mends it */
         wheel_watch_step(&robot->watches[wheel], &robot->tuning, wheel, robot->counts[wheel],
                          robot->drive.applied_e4, robot->speed[wheel].mps);
         robot->view.lost[wheel] = robot->watches[wheel].lost;
         robot->view.reversed[wheel] = robot->watches[wheel].reversed;
         robot->view.stalled[wheel] = robot->watches[wheel].stalled;
+        finite = finite && is_finite(robot->view.speed_mps[wheel] + robot->speed[wheel].mps);
     }
+    robot->supervisor.not_finite = !finite;
     robot->speeds_stale = false;
     odometry_step(&robot->odometry, &robot->tuning.geometry, moved[0], moved[1]);
     robot->view.at_rest = robot->drive.braked_ms >= DRIVE_AT_REST_MS;

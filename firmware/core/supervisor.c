@@ -138,6 +138,11 @@ DETECTOR(sequence_damaged)
     return supervisor->sequence_damaged;
 }
 
+DETECTOR(not_finite)
+{
+    return supervisor->not_finite;
+}
+
 /* name, detector, hold (ms of the cause before the fault counts), does it stop, what it takes to clear it.
  * In the order of the schema. Times that depend on the wheel are held by wheel_watch. */
 #define FAULTS(ROW)                                                                                          \
@@ -160,7 +165,8 @@ DETECTOR(sequence_damaged)
     ROW(PROGRAM_FAULT, program_fault, 0, true, AT_ONCE)                                                      \
     ROW(WATCHDOG_RESET, watchdog_reset, 0, true, AT_ONCE)                                                    \
     ROW(SEQUENCE_DAMAGED, sequence_damaged, 0, true, AT_ONCE)                                                \
-    ROW(CAN_BUS_OFF, can_bus_off, 0, false, WHEN_GONE)
+    ROW(CAN_BUS_OFF, can_bus_off, 0, false, WHEN_GONE)                                                       \
+    ROW(CONTROL_NOT_FINITE, not_finite, 0, true, WHEN_GONE)
 
 enum position {
 #define POSITION(name, present, hold, stops, clears) POSITION_##name,

@@ -34,6 +34,7 @@ struct supervisor {
     bool store_damaged;                     /* the parameters in force are not those that were saved last */
     volatile bool sequence_damaged;         /* set from the main loop, taken by the next step */
     volatile bool can_bus_off;              /* set from the main loop */
+    bool not_finite;                        /* a number that control rests on is none */
 };
 
 /* What the faults are judged by. */

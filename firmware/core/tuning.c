@@ -26,6 +26,17 @@ static float watch_ka(float ka)
     return ka > min_ka ? ka : min_ka;
 }
 
+bool tuning_is_finite(const struct tuning *tuning)
+{
+    float sum = tuning->metres_per_count + tuning->half_wheelbase_m + tuning->effort_limit +
+                tuning->speed_limit_mps + tuning->encoder_speed_max_mps + tuning->overspeed_mps +
+                tuning->stall_effort;
+    for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
+        sum += tuning->watch_ka[wheel];
+    }
+    return is_finite(sum);
+}
+
 void tuning_from_parameters(struct tuning *tuning, const struct parameters *parameters)
 {
     const float *const p = parameters->values;

@@ -32,6 +32,10 @@ struct tuning {
     float watch_ka[HAL_WHEELS]; /* effort per acceleration, with a lower bound against false faults */
 };
 
+/* Whether all limits and scales that the supervisor judges by are numbers. Comparisons with NaN are false, so
+ * that a limit that is none would allow everything. */
+bool tuning_is_finite(const struct tuning *tuning);
+
 void tuning_from_parameters(struct tuning *tuning, const struct parameters *parameters);
 
 #endif

@@ -97,9 +97,23 @@ static float kick(struct velocity_control *control, const struct velocity_gains 
     return gains->kick_effort * sign(speed);
 }
 
+/* Not finite when any of the numbers is not that a comparison below would swallow: limits and rates decide
+ * nothing when they are NaN, and let everything pass. */
+static float all_finite(const struct velocity_control *control, const struct velocity_gains *gains,
+                        float command_mps, const struct wheel_measure *measured)
+{
+    return control->tracked_mps + control->effort + control->integral + gains->ki + gains->accel_limit_mps2 +
+           gains->effort_slew_per_s + gains->effort_limit + gains->metres_per_count + gains->kick_effort +
+           command_mps + measured->mps + measured->span_s + measured->age_s + measured->moved_m;
+}
+
 float velocity_control_step(struct velocity_control *control, const struct velocity_gains *gains,
                             float command_mps, const struct wheel_measure *measured, bool still)
 {
+    const float all = all_finite(control, gains, command_mps, measured);
+    if (!is_finite(all)) {
+        return all;
+    }
     const float before = control->tracked_mps;
     control->tracked_mps = slew(before, command_mps, gains->accel_limit_mps2 * tick_s);
     const float speed = control->tracked_mps;
@@ -119,6 +133,9 @@ float velocity_control_step(struct velocity_control *control, const struct veloc
     const float share = share_of_gain(gains, speed, measured->mps);
     const float integral_share = stalled(gains, speed, measured) ? 1.0f : share * share;
     const float wanted = feedforward + share * gains->kp * error + control->integral;
+    if (!is_finite(wanted)) {
+        return wanted;
+    }
     const float limited = clampf(wanted, -gains->effort_limit, gains->effort_limit);
     const float output = slew(control->effort, limited, gains->effort_slew_per_s * tick_s);
 

@@ -50,7 +50,8 @@ struct velocity_control {
 /* Takes over a wheel that turns at `speed_mps` under `effort`, without a jump of the command. */
 void velocity_control_reset(struct velocity_control *control, float speed_mps, float effort);
 
-/* One tick; returns the effort. `still`: the wheel has not moved for a while. */
+/* One tick; returns the effort, or what is not finite when any number that it rests on is not. `still`: the
+ * wheel has not moved for a while. */
 float velocity_control_step(struct velocity_control *control, const struct velocity_gains *gains,
                             float command_mps, const struct wheel_measure *measured, bool still);
 

@@ -34,6 +34,11 @@ void wheel_watch_init(struct wheel_watch *watch, int32_t counts)
     }
 }
 
+bool wheel_watch_is_finite(const struct wheel_watch *watch)
+{
+    return is_finite(watch->work + watch->energy + watch->initial_energy);
+}
+
 static int8_t direction(float value, float deadband)
 {
     if (value > deadband) {
@@ -156,7 +161,7 @@ static void watch_direction(struct wheel_watch *watch, const struct tuning *tuni
     const int8_t effort_direction = direction(push->effort, borne_effort);
     const float along_mps = (float)effort_direction * speed_mps;
     const int32_t along = (int32_t)effort_direction * within(moved);
-    if (effort_direction != watch->effort_direction) {
+    if (effort_direction != watch->effort_direction || !wheel_watch_is_finite(watch)) {
         begin_push(watch, effort_direction, speed_mps, push->speed_mps);
     } else if (along_mps > 0.0f && along > 0) {
         watch->work = 0.0f;

@@ -46,4 +46,7 @@ void wheel_watch_init(struct wheel_watch *watch, int32_t counts);
 void wheel_watch_step(struct wheel_watch *watch, const struct tuning *tuning, int wheel, int32_t counts,
                       const int16_t effort_e4[HAL_WHEELS], float speed_mps);
 
+/* Whether its sums are numbers, so that its comparisons mean something; the next step starts them anew. */
+bool wheel_watch_is_finite(const struct wheel_watch *watch);
+
 #endif

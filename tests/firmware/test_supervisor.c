@@ -303,6 +303,65 @@ static void internal_oscillator_is_reported_and_does_not_keep_the_robot_from_dri
     TEST_ASSERT_EQUAL_HEX32(0, fixture_status().faults_latched);
 }
 
+/* A cosmic ray, a stray pointer or a division of zero by zero: whatever the loop rests on becomes NaN. */
+static void number_that_is_none_brakes_in_the_same_tick_and_is_named(void)
+{
+    struct robot *const robot = &fixture.controller.robot;
+    struct velocity_control *const control = &robot->drive.control[1];
+    float *const numbers[] = {
+        &robot->drive.command[0],
+        &control->integral,
+        &control->tracked_mps,
+        &control->effort,
+        &robot->tuning.effort_limit,
+        &robot->tuning.gains[1].kp,
+        &robot->tuning.gains[1].ki,
+        &robot->tuning.gains[1].forward.kv,
+        &robot->tuning.gains[1].accel_limit_mps2,
+        &robot->tuning.gains[1].effort_slew_per_s,
+        &robot->tuning.gains[1].effort_limit,
+        &robot->tuning.metres_per_count,
+        &robot->tuning.overspeed_mps,
+        &robot->tuning.encoder_speed_max_mps,
+        &robot->tuning.stall_effort,
+        &robot->tuning.watch_ka[0],
+        &robot->watches[0].work,
+        &robot->watches[0].energy,
+    };
+    for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++) {
+        for (int infinite = 0; infinite < 2; infinite++) {
+            fixture_power_up();
+            fixture_set_velocity(0.3f, 0.3f);
+            fixture_run(200);
+            TEST_ASSERT_TRUE(fixture.board.effort_e4[0] > 0);
+            *numbers[i] = infinite != 0 ? -INFINITY : NAN;
+            fixture_run(1);
+            assert_braked();
+            fixture_run(2);
+            assert_braked();
+            TEST_ASSERT_BITS_HIGH_MESSAGE(PROTO_FAULT_CONTROL_NOT_FINITE, fixture_status().faults_latched,
+                                          "of the numbers in this test's list");
+            fixture_run(3000);
+            fixture_ask(PROTO_ID_PARAM_LOAD, NULL, 0); /* works the limits out anew */
+            fixture_run(2);
+            fixture_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+            fixture_expect_accepted();
+            fixture_set_velocity(0.3f, 0.3f);
+            fixture_expect_accepted();
+            fixture_run(200);
+            TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_LIVE, fixture_status().state);
+        }
+    }
+}
+
+static void limit_that_is_no_number_forbids_to_begin(void)
+{
+    fixture.controller.robot.tuning.overspeed_mps = NAN;
+    fixture_run(1);
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_CONTROL_NOT_FINITE);
+}
+
 static void several_faults_are_latched_together_and_cleared_together(void)
 {
     drive_live(100);
@@ -376,6 +435,8 @@ int main(void)
     RUN_TEST(battery_that_is_unread_stops_the_wheels);
     RUN_TEST(overrun_of_the_control_loop_stops_a_drive);
     RUN_TEST(internal_oscillator_is_reported_and_does_not_keep_the_robot_from_driving);
+    RUN_TEST(number_that_is_none_brakes_in_the_same_tick_and_is_named);
+    RUN_TEST(limit_that_is_no_number_forbids_to_begin);
     RUN_TEST(several_faults_are_latched_together_and_cleared_together);
     RUN_TEST(reversed_wiring_is_put_right_by_parameters);
     RUN_TEST(watchdog_is_fed_by_ticks_and_poll_together_only);

@@ -335,8 +335,13 @@ def test_a_program_fault_keeps_its_registers_through_the_reset_and_forbids_to_mo
 
 
 def write_sequence(robot: VirtualRobot, image: Path, member: str, data: bytes) -> None:
+    write_robot(robot, image, data, "sequence", member)
+
+
+def write_robot(robot: VirtualRobot, image: Path, data: bytes, *members: str) -> None:
+    """Into a member of the controller's robot; of an array's first element."""
     address, _ = robot.symbol("controller")
-    offset, _ = member_offset(image, "controller", "robot", "sequence", member)
+    offset, _ = member_offset(image, "controller", "robot", *members)
     robot.write_memory(address + offset, data)
 
 
@@ -349,6 +354,35 @@ def test_a_sequence_that_changes_in_memory_is_stopped(robot: VirtualRobot, image
     print(f"sequence_damaged: {took_ms:.1f} ms")
     assert took_ms < 10
     assert latched(device) == {"sequence_damaged"}
+    clear_and_drive(device)
+
+
+NUMBERS = [
+    ("drive", "command"),
+    ("drive", "control", "integral"),
+    ("tuning", "gains", "kp"),
+    ("tuning", "effort_limit"),
+    ("tuning", "metres_per_count"),
+]
+
+
+@pytest.mark.parametrize("number", NUMBERS, ids=[" ".join(number) for number in NUMBERS])
+def test_a_number_in_control_that_becomes_nan_brakes_and_is_named(
+    robot: VirtualRobot, image: Path, number: tuple[str, ...]
+) -> None:
+    device = host(robot)
+    start(device, tp.SegmentKind.VELOCITY, 0.35, 0.35)
+    robot.run_us(1_000_000)
+    write_robot(robot, image, struct.pack("<f", float("nan")), *number)
+    took_ms = until_braked(robot)
+    print(f"control_not_finite: {' '.join(number):24} {took_ms:.1f} ms")
+    assert took_ms <= 1.2
+    robot.run_us(50_000)
+    assert (robot.bridge(LEFT), robot.bridge(RIGHT)) == BRAKE
+    assert latched(device) == {"control_not_finite"}
+    robot.run_us(2_000_000)
+    device.load_parameters()
+    robot.run_us(2000)
     clear_and_drive(device)
 
 

@@ -22,7 +22,7 @@ def member_offset(image: Path, variable: str, *members: str) -> tuple[int, int]:
 def _walk(kind: DIE, members: tuple[str, ...]) -> tuple[int, int]:
     offset = 0
     for member in members:
-        kind = _plain(kind)
+        kind = _element(_plain(kind))
         child = next(child for child in kind.iter_children() if _name(child) == member)
         offset += child.attributes["DW_AT_data_member_location"].value
         kind = child.get_DIE_from_attribute("DW_AT_type")
@@ -33,6 +33,11 @@ def _plain(kind: DIE) -> DIE:
     while kind.tag in ("DW_TAG_typedef", "DW_TAG_const_type", "DW_TAG_volatile_type"):
         kind = kind.get_DIE_from_attribute("DW_AT_type")
     return kind
+
+
+def _element(kind: DIE) -> DIE:
+    """An array's first element, which lies where the array does; others as they are."""
+    return _plain(kind.get_DIE_from_attribute("DW_AT_type")) if kind.tag == "DW_TAG_array_type" else kind
 
 
 def _size(kind: DIE) -> int:
