@@ -17,6 +17,7 @@ void controller_init(struct controller *controller)
     can_link_init(&controller->can, controller->identity.board_id, sizeof controller->identity.board_id);
     memset(controller->cache, 0, sizeof controller->cache);
     controller->fed_at_ms = 0;
+    controller->sequence_port = PORT_SERIAL;
     controller->bus_off = false;
     robot_init(&controller->robot, boot_faults(&controller->identity));
 }

@@ -32,6 +32,7 @@ struct controller {
     struct can_link can;
     struct hal_identity identity;
     uint8_t port;                               /* of the request that is being answered */
+    uint8_t sequence_port;                      /* of the host that started the last sequence */
     struct reply_cache cache[CONTROLLER_PORTS]; /* one for each port: two hosts do not share one */
     uint32_t fed_at_ms;                         /* the tick at which the watchdog was last fed */
     uint32_t bus_off_ms; /* when the CAN controller was last seen off a bus that had worked */

@@ -243,8 +243,13 @@ static struct refusal answer_seq_start(struct controller *controller, const stru
     if (!proto_seq_start_request_decode(&in, request->payload, request->payload_length)) {
         return bad_length(request);
     }
-    const struct refusal verdict = robot_start_sequence(&controller->robot, in.crc32, &out.log_id);
+    if (in.unattended > 1) {
+        return refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+    }
+    const struct refusal verdict =
+        robot_start_sequence(&controller->robot, in.crc32, in.unattended != 0, &out.log_id);
     if (verdict.reason == REFUSAL_NONE) {
+        controller->sequence_port = controller->port;
         reply->length = proto_seq_start_reply_encode(&out, reply->bytes, reply->capacity);
     }
     return verdict;
@@ -523,6 +528,9 @@ void requests_answer(struct controller *controller, enum controller_port port, c
     const struct entry *const entry = find(request->id);
     if (request->id == PROTO_ID_STOP) {
         robot_stop(&controller->robot);
+    }
+    if (port == controller->sequence_port) { /* another host's questions do not replace the one that drives */
+        robot_hear_host(&controller->robot);
     }
     if (!has_room(controller, entry)) {
         return;

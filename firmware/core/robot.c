@@ -298,7 +298,14 @@ struct refusal robot_drive(struct robot *robot, uint8_t kind, float left, float 
     return verdict;
 }
 
-struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, uint16_t *log_id)
+void robot_hear_host(struct robot *robot)
+{
+    if (robot->supervisor.state == PROTO_STATE_SEQUENCE) {
+        robot->supervisor.silence_ms = 0;
+    }
+}
+
+struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, bool unattended, uint16_t *log_id)
 {
     struct refusal verdict = may_begin(robot, true);
     if (verdict.reason != REFUSAL_NONE) {
@@ -322,6 +329,8 @@ struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, uint16_t 
     *log_id =
         recorder_request(&robot->recorder, rate != 0 ? rate : robot->tuning.log_rate_hz, robot->sequence.crc);
     robot->supervisor.state = PROTO_STATE_SEQUENCE;
+    robot->supervisor.silence_ms = 0;
+    robot->supervisor.unattended = unattended;
     sequence_start(&robot->sequence, *log_id);
     command_segment(robot);
     hal_critical_exit(state);

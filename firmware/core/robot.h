@@ -28,7 +28,12 @@ void robot_stop(struct robot *robot);
 /* Drives the wheels by live commands of the host: `kind` effort or velocity. */
 struct refusal robot_drive(struct robot *robot, uint8_t kind, float left, float right);
 
-struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, uint16_t *log_id);
+/* `unattended`: it goes on when its host falls silent. */
+struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, bool unattended, uint16_t *log_id);
+
+/* The host that started the sequence is there. Live drives need commands instead: a program that hangs may
+ * still ask for the state. */
+void robot_hear_host(struct robot *robot);
 
 /* Arms a log, or disarms it: kind sequence. */
 struct refusal robot_arm_log(struct robot *robot, const struct proto_log_arm_request *wanted,

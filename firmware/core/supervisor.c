@@ -59,7 +59,11 @@ DETECTOR(battery_low)
 
 DETECTOR(host_silent)
 {
-    return supervisor->state == PROTO_STATE_LIVE && supervisor->silence_ms >= tuning->command_timeout_ms;
+    if (supervisor->state == PROTO_STATE_LIVE) {
+        return supervisor->silence_ms >= tuning->command_timeout_ms;
+    }
+    return supervisor->state == PROTO_STATE_SEQUENCE && !supervisor->unattended &&
+           supervisor->silence_ms >= tuning->heartbeat_timeout_ms;
 }
 
 DETECTOR(loop_overrun)
@@ -236,8 +240,8 @@ void supervisor_stop(struct supervisor *supervisor, uint32_t faults)
 bool supervisor_step(struct supervisor *supervisor, const struct tuning *tuning,
                      const struct supervisor_view *view)
 {
-    if (supervisor->state == PROTO_STATE_LIVE && supervisor->silence_ms < UINT32_MAX) {
-        supervisor->silence_ms++;
+    if (supervisor_is_moving(supervisor) && supervisor->silence_ms < UINT32_MAX) {
+        supervisor->silence_ms = supervisor->silence_ms + 1u;
     }
     uint32_t active = 0;
     for (uint32_t bit = 0; bit < ROWS; bit++) {

@@ -29,12 +29,13 @@ struct supervisor {
     uint32_t latched;                       /* faults that stopped the wheels */
     uint32_t noted;                         /* faults that start-up found */
     uint16_t present_ms[PROTO_FAULT_COUNT]; /* ticks in a row with the cause present, saturating */
-    uint32_t silence_ms;                    /* since the last valid command */
-    volatile bool overrun;                  /* set from the tick interrupt's frame, taken by the next step */
-    bool store_damaged;                     /* the parameters in force are not those that were saved last */
-    volatile bool sequence_damaged;         /* set from the main loop, taken by the next step */
-    volatile bool can_bus_off;              /* set from the main loop */
-    bool not_finite;                        /* a number that control rests on is none */
+    volatile uint32_t silence_ms;   /* since the last valid command, or request to a sequence's host */
+    bool unattended;                /* the sequence goes on without its host */
+    volatile bool overrun;          /* set from the tick interrupt's frame, taken by the next step */
+    bool store_damaged;             /* the parameters in force are not those that were saved last */
+    volatile bool sequence_damaged; /* set from the main loop, taken by the next step */
+    volatile bool can_bus_off;      /* set from the main loop */
+    bool not_finite;                /* a number that control rests on is none */
 };
 
 /* What the faults are judged by. */

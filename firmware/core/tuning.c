@@ -55,6 +55,7 @@ void tuning_from_parameters(struct tuning *tuning, const struct parameters *para
     tuning->speed_limit_mps = p[PROTO_PARAMETER_SPEED_LIMIT_MPS];
     tuning->encoder_speed_max_mps = p[PROTO_PARAMETER_ENCODER_SPEED_MAX_MPS];
     tuning->command_timeout_ms = (uint32_t)round_to_i32(p[PROTO_PARAMETER_COMMAND_TIMEOUT_S] * 1000.0f);
+    tuning->heartbeat_timeout_ms = (uint32_t)round_to_i32(p[PROTO_PARAMETER_HEARTBEAT_TIMEOUT_S] * 1000.0f);
     tuning->log_rate_hz = (uint16_t)p[PROTO_PARAMETER_LOG_RATE_HZ];
     tuning->battery_low_mv = millivolts(p[PROTO_PARAMETER_BATTERY_LOW_V]);
     tuning->battery_recovered_mv =

@@ -22,6 +22,7 @@ struct tuning {
     float speed_limit_mps;
     float encoder_speed_max_mps;
     uint32_t command_timeout_ms;
+    uint32_t heartbeat_timeout_ms;
     uint16_t log_rate_hz;
     uint16_t battery_low_mv;
     uint16_t battery_recovered_mv;

@@ -53,15 +53,17 @@ class Segment:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Segments that the board runs on its own, one after the other.
+    """Segments that the board runs one after the other.
 
-    `log_rate_hz` of 0 leaves the rate to the board's parameter.
+    `log_rate_hz` of 0 leaves the rate to the board's parameter. `unattended`: the board goes on when it
+    hears no host any more; otherwise it then stops within its heartbeat_timeout_s.
     """
 
     name: str
     title: str
     segments: tuple[Segment, ...]
     log_rate_hz: int = 0
+    unattended: bool = False
 
     @property
     def duration_s(self) -> float:
@@ -73,6 +75,8 @@ class Plan:
         content: dict[str, Any] = {"name": self.name, "title": self.title}
         if self.log_rate_hz:
             content["log_rate_hz"] = self.log_rate_hz
+        if self.unattended:
+            content["unattended"] = True
         content["segment"] = [
             {
                 "duration_s": segment.duration_s,
@@ -90,6 +94,8 @@ class Plan:
         lines = [f"title = {title}"]
         if self.log_rate_hz:
             lines.append(f"log_rate_hz = {self.log_rate_hz}")
+        if self.unattended:
+            lines.append("unattended = true")
         for segment in self.segments:
             if segment.kind is Kind.TWIST:
                 value = f"{{ v_mps = {segment.a!r}, omega_radps = {segment.b!r} }}"
@@ -135,13 +141,16 @@ def parse_plan(content: dict[str, Any], name: str, where: str) -> Plan:
     name : what to call the plan.
     where : what to call the document in errors.
     """
-    _known_keys(content, {"title", "log_rate_hz", "repeat", "segment"}, where)
+    _known_keys(content, {"title", "log_rate_hz", "unattended", "repeat", "segment"}, where)
     title = content.get("title", name)
     if not isinstance(title, str):
         raise PlanError(f"{where}: title: must be text")
     rate = _integer(content.get("log_rate_hz", 0), f"{where}: log_rate_hz")
     if rate and not RATES_HZ[0] <= rate <= RATES_HZ[1]:
         raise PlanError(f"{where}: log_rate_hz: {rate} is outside {RATES_HZ[0]} to {RATES_HZ[1]}")
+    unattended = content.get("unattended", False)
+    if not isinstance(unattended, bool):
+        raise PlanError(f"{where}: unattended: must be true or false")
     repeat = _integer(content.get("repeat", 1), f"{where}: repeat")
     if repeat < 1:
         raise PlanError(f"{where}: repeat: must be 1 or more")
@@ -157,7 +166,7 @@ def parse_plan(content: dict[str, Any], name: str, where: str) -> Plan:
             f"{where}: {len(segments)} segments are more than the {MAX_SEGMENTS} that a board holds",
             "split the plan into several runs",
         )
-    return Plan(name=name, title=title, segments=segments, log_rate_hz=rate)
+    return Plan(name=name, title=title, segments=segments, log_rate_hz=rate, unattended=unattended)
 
 
 def _read(path: Path, name: str) -> Plan:

@@ -646,6 +646,7 @@ size_t proto_seq_start_request_encode(const struct proto_seq_start_request *from
         return 0;
     }
     put_u32(out + 0, from->crc32);
+    put_u8(out + 4, from->unattended);
     return PROTO_SEQ_START_REQUEST_SIZE;
 }
 
@@ -654,6 +655,7 @@ bool proto_seq_start_request_decode(struct proto_seq_start_request *to, const ui
         return false;
     }
     to->crc32 = get_u32(in + 0);
+    to->unattended = get_u8(in + 4);
     return true;
 }
 
@@ -1350,4 +1352,5 @@ const struct proto_parameter_info proto_parameters[PROTO_PARAMETER_COUNT] = {
     {"can_node", "", PROTO_PARAMETER_KIND_INTEGER, 1.0f, 63.0f, 1.0f, 0x3a013e09u},
     {"can_bitrate_kbps", "kbit/s", PROTO_PARAMETER_KIND_INTEGER, 100.0f, 1000.0f, 1000.0f, 0x0717e48fu},
     {"can_status_hz", "Hz", PROTO_PARAMETER_KIND_INTEGER, 0.0f, 100.0f, 10.0f, 0x2beda8bfu},
+    {"heartbeat_timeout_s", "s", PROTO_PARAMETER_KIND_REAL, 0.05f, 10.0f, 0.5f, 0x602a27a5u},
 };

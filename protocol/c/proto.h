@@ -20,7 +20,7 @@
 #define PROTO_CAN_ANNOUNCE_BASE 0x680u /* its CAN id is this plus the node */
 #define PROTO_CAN_STATUS_BASE 0x6c0u /* its CAN id is this plus the node */
 #define PROTO_CAN_MOTION_BASE 0x700u /* its CAN id is this plus the node */
-#define PROTO_SCHEMA_HASH 0xc604d91du
+#define PROTO_SCHEMA_HASH 0x7e88955fu
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
@@ -511,10 +511,11 @@ struct proto_seq_commit_reply {
 size_t proto_seq_commit_reply_encode(const struct proto_seq_commit_reply *from, uint8_t *out, size_t capacity);
 bool proto_seq_commit_reply_decode(struct proto_seq_commit_reply *to, const uint8_t *in, size_t length);
 
-#define PROTO_SEQ_START_REQUEST_SIZE 4u
+#define PROTO_SEQ_START_REQUEST_SIZE 5u
 /* run the committed sequence; a log opens, and odometry goes to zero with it */
 struct proto_seq_start_request {
     uint32_t crc32; /* of the sequence meant */
+    uint8_t unattended; /* 0: it stops when the host falls silent; 1: it runs to its end without a host */
 };
 size_t proto_seq_start_request_encode(const struct proto_seq_start_request *from, uint8_t *out, size_t capacity);
 bool proto_seq_start_request_decode(struct proto_seq_start_request *to, const uint8_t *in, size_t length);
@@ -783,7 +784,7 @@ enum proto_fault {
     PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE = 1u << 1, /* the right encoder counts faster than the wheel can turn, or turns while both wheels are braked */
     PROTO_FAULT_BATTERY_UNREAD = 1u << 2, /* the supply voltage could not be measured for 100 ms */
     PROTO_FAULT_BATTERY_LOW = 1u << 3, /* the supply stayed below battery_low_v */
-    PROTO_FAULT_HOST_SILENT = 1u << 4, /* no valid command came within command_timeout_s while the host drove the wheels */
+    PROTO_FAULT_HOST_SILENT = 1u << 4, /* the host fell silent: no valid command within command_timeout_s of a live drive, or no request within heartbeat_timeout_s of a sequence that needs its host */
     PROTO_FAULT_LOOP_OVERRUN = 1u << 5, /* a control tick was lost: one began more than 1.5 ms after the one before, or was due before that had ended */
     PROTO_FAULT_CLOCK_FALLBACK = 1u << 6, /* the crystal did not start; the CPU runs from its internal oscillator (1 % clock error, baud rate included) */
     PROTO_FAULT_PARAMETER_STORE_DAMAGED = 1u << 7, /* the stored parameters cannot all be read: those in force are older ones or the defaults */
@@ -845,8 +846,9 @@ enum proto_parameter {
     PROTO_PARAMETER_CAN_NODE = 35, /* this board's number on the CAN bus; each board needs its own */
     PROTO_PARAMETER_CAN_BITRATE_KBPS = 36, /* bit rate of the CAN bus, the same for all that share it; usual are 1000 and 500, kbit/s */
     PROTO_PARAMETER_CAN_STATUS_HZ = 37, /* status broadcasts on the CAN bus per second; 0: none, Hz */
+    PROTO_PARAMETER_HEARTBEAT_TIMEOUT_S = 38, /* time without a request of the host that started it after which a sequence stops, latched, unless it runs unattended, s */
 };
-#define PROTO_PARAMETER_COUNT 38u
+#define PROTO_PARAMETER_COUNT 39u
 struct proto_parameter_info {
     const char *name;
     const char *unit;

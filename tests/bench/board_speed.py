@@ -88,7 +88,7 @@ def _drive_saturated(image: Path, reads_under_way: int, filler: bytes) -> Satura
         plan = load_plan(PLAN)
         drive(device, plan)  # leaves a log to read while the plan runs again
         log = device.log()
-        device.start(device.upload(plan))
+        device.start(device.upload(plan), unattended=True)
 
         read = LogReadRequest(offset=log.offset, length=min(1000, log.length))
         decoder = FrameDecoder()

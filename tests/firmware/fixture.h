@@ -233,11 +233,19 @@ static inline uint32_t fixture_upload(const struct proto_segment *segments, size
     return crc;
 }
 
-/* Starts the committed sequence; returns its log's id. */
+static inline void fixture_ask_start(uint32_t crc, uint8_t unattended)
+{
+    const struct proto_seq_start_request request = {.crc32 = crc, .unattended = unattended};
+    uint8_t payload[PROTO_SEQ_START_REQUEST_SIZE];
+    fixture_ask(PROTO_ID_SEQ_START, payload,
+                proto_seq_start_request_encode(&request, payload, sizeof payload));
+}
+
+/* Starts the committed sequence, which then needs no host; returns its log's id. */
 static inline uint16_t fixture_start(uint32_t crc)
 {
     struct proto_seq_start_reply reply;
-    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_ask_start(crc, 1);
     fixture_expect_accepted();
     TEST_ASSERT_TRUE(
         proto_seq_start_reply_decode(&reply, fixture.reply.payload, fixture.reply.payload_length));

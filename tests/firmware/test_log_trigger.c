@@ -325,7 +325,7 @@ static void one_log_at_a_time(void)
     fixture_expect_refused(PROTO_REFUSAL_REASON_LOG_BUSY, 0);
     fixture_run(4000);
     (void)armed(fault);
-    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_ask_start(crc, 1);
     fixture_expect_refused(PROTO_REFUSAL_REASON_LOG_BUSY, 0);
     ask_to_arm(fault);
     fixture_expect_refused(PROTO_REFUSAL_REASON_LOG_BUSY, 0);

@@ -87,7 +87,7 @@ static void sequence_is_refused_while_the_host_drives(void)
 {
     const uint32_t crc = fixture_upload(&short_drive, 1, 0);
     fixture_set_effort(0.0f, 0.0f);
-    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_ask_start(crc, 1);
     fixture_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_LIVE);
 }
 
@@ -102,7 +102,7 @@ static void upload_is_refused_while_a_sequence_runs(void)
     fixture_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_SEQUENCE);
     fixture_ask_u32(PROTO_ID_SEQ_COMMIT, crc);
     fixture_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_SEQUENCE);
-    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_ask_start(crc, 1);
     fixture_expect_refused(PROTO_REFUSAL_REASON_WRONG_STATE, PROTO_STATE_SEQUENCE);
     fixture_run(1);
     TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
@@ -113,7 +113,7 @@ static void start_is_refused_while_a_fault_is_latched(void)
     const uint32_t crc = fixture_upload(&short_drive, 1, 0);
     fixture_set_effort(0.0f, 0.0f);
     fixture_run(600);
-    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_ask_start(crc, 1);
     fixture_expect_refused(PROTO_REFUSAL_REASON_FAULT_LATCHED, PROTO_FAULT_HOST_SILENT);
 }
 
@@ -129,7 +129,7 @@ static void bad_uploads_are_refused_by_name(void)
     fixture_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_EMPTY, PROTO_SEQUENCE_STATE_EMPTY);
     fixture_ask_u32(PROTO_ID_SEQ_COMMIT, 0);
     fixture_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_EMPTY, PROTO_SEQUENCE_STATE_EMPTY);
-    fixture_ask_u32(PROTO_ID_SEQ_START, 0);
+    fixture_ask_start(0, 1);
     fixture_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_EMPTY, PROTO_SEQUENCE_STATE_EMPTY);
 
     fixture_begin_upload(3, 0);
@@ -160,7 +160,7 @@ static void bad_uploads_are_refused_by_name(void)
     fixture_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_GAP, 1);
     fixture_ask_u32(PROTO_ID_SEQ_COMMIT, 0);
     fixture_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_INCOMPLETE, 1);
-    fixture_ask_u32(PROTO_ID_SEQ_START, 0);
+    fixture_ask_start(0, 1);
     fixture_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_EMPTY, PROTO_SEQUENCE_STATE_RECEIVING);
 
     const struct proto_segment rest[3] = {short_drive, short_drive, short_drive};
@@ -174,7 +174,7 @@ static void bad_uploads_are_refused_by_name(void)
     fixture_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_BAD_CRC, crc);
     fixture_ask_u32(PROTO_ID_SEQ_COMMIT, crc);
     fixture_expect_accepted();
-    fixture_ask_u32(PROTO_ID_SEQ_START, crc ^ 1u);
+    fixture_ask_start(crc ^ 1u, 1);
     fixture_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_BAD_CRC, crc);
 }
 
@@ -196,7 +196,7 @@ static void sequence_beyond_a_limit_lowered_since_is_refused_at_the_start(void)
                                               {PROTO_SEGMENT_KIND_EFFORT, 10, 0.6f, 0.6f}};
     const uint32_t crc = fixture_upload(segments, 2, 0);
     fixture_set_parameter(PROTO_PARAMETER_EFFORT_LIMIT, 0.5f);
-    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_ask_start(crc, 1);
     fixture_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
 }
 
@@ -204,7 +204,7 @@ static void new_upload_forgets_the_sequence_before_it(void)
 {
     const uint32_t crc = fixture_upload(&short_drive, 1, 0);
     fixture_begin_upload(2, 0);
-    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_ask_start(crc, 1);
     fixture_expect_refused(PROTO_REFUSAL_REASON_SEQUENCE_EMPTY, PROTO_SEQUENCE_STATE_RECEIVING);
     fixture_ask(PROTO_ID_SEQ_ABORT, NULL, 0);
     fixture_expect_accepted();

@@ -211,7 +211,7 @@ static void every_request_of_a_wrong_length_is_refused(void)
     } right[] = {
         {PROTO_ID_STATUS, 0},       {PROTO_ID_CLEAR_FAULTS, 0}, {PROTO_ID_PARAM_LIST, 2},
         {PROTO_ID_PARAM_GET, 2},    {PROTO_ID_PARAM_SET, 6},    {PROTO_ID_SEQ_BEGIN, 4},
-        {PROTO_ID_SEQ_COMMIT, 4},   {PROTO_ID_SEQ_START, 4},    {PROTO_ID_SEQ_ABORT, 0},
+        {PROTO_ID_SEQ_COMMIT, 4},   {PROTO_ID_SEQ_START, 5},    {PROTO_ID_SEQ_ABORT, 0},
         {PROTO_ID_SEQ_STATE, 0},    {PROTO_ID_LOG_LIST, 2},     {PROTO_ID_LOG_READ, 6},
         {PROTO_ID_LOG_DIGEST, 8},   {PROTO_ID_LOG_ERASE, 0},    {PROTO_ID_SET_EFFORT, 8},
         {PROTO_ID_SET_VELOCITY, 8}, {PROTO_ID_CAN_STATE, 0},    {PROTO_ID_TIME, 6},
@@ -378,15 +378,15 @@ static void repeated_start_is_not_carried_out_twice(void)
 {
     const uint32_t crc = fixture_upload(&short_drive, 1, 0);
     const uint16_t id = fixture_start(crc);
-    const uint8_t payload[4] = {(uint8_t)crc, (uint8_t)(crc >> 8), (uint8_t)(crc >> 16),
-                                (uint8_t)(crc >> 24)};
+    const uint8_t payload[5] = {(uint8_t)crc, (uint8_t)(crc >> 8), (uint8_t)(crc >> 16), (uint8_t)(crc >> 24),
+                                1};
     fixture_run(5);
-    repeat(PROTO_ID_SEQ_START, payload, 4); /* while it runs */
+    repeat(PROTO_ID_SEQ_START, payload, 5); /* while it runs */
     TEST_ASSERT_EQUAL_HEX8(PROTO_ID_SEQ_START | PROTO_REPLY_BIT, fixture.reply.id);
     TEST_ASSERT_EQUAL_UINT16(id, fixture.reply.payload[0] | fixture.reply.payload[1] << 8);
     fixture_run(200);
     TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[0]);
-    repeat(PROTO_ID_SEQ_START, payload, 4); /* long after: the reply again, and no motion */
+    repeat(PROTO_ID_SEQ_START, payload, 5); /* long after: the reply again, and no motion */
     fixture_run(5);
     TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[0]);
     TEST_ASSERT_EQUAL_UINT16(1, fixture_list_logs(0).total);
@@ -513,8 +513,8 @@ static void replies_come_in_the_order_of_the_requests(void)
 static void request_without_room_for_its_reply_changes_nothing_and_can_be_repeated(void)
 {
     const uint32_t crc = fixture_upload(&short_drive, 1, 0);
-    const uint8_t payload[4] = {(uint8_t)crc, (uint8_t)(crc >> 8), (uint8_t)(crc >> 16),
-                                (uint8_t)(crc >> 24)};
+    const uint8_t payload[5] = {(uint8_t)crc, (uint8_t)(crc >> 8), (uint8_t)(crc >> 16), (uint8_t)(crc >> 24),
+                                1};
     fixture.board.line_room = 0;
     for (uint16_t i = 0; i < 200; i++) {
         fixture_say(PROTO_ID_STATUS, i, NULL, 0);

@@ -97,6 +97,53 @@ static void cleared_fault_lets_the_host_drive_again(void)
     TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
 }
 
+static void sequence_whose_host_falls_silent_stops_and_latches(void)
+{
+    const uint32_t crc = fixture_upload(&two_seconds, 1, 0);
+    fixture_ask_start(crc, 0);
+    fixture_run(499);
+    TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
+    (void)fixture_status(); /* any request will do */
+    fixture_run(499);
+    TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
+    fixture_run(1);
+    assert_braked();
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_HOST_SILENT, fixture_status().faults_latched);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_LOG_END_FAULT, fixture_newest_log().end);
+}
+
+static void sequence_s_silence_time_is_its_own_parameter(void)
+{
+    fixture_set_parameter(PROTO_PARAMETER_HEARTBEAT_TIMEOUT_S, 0.1f);
+    fixture_ask_start(fixture_upload(&two_seconds, 1, 0), 0);
+    fixture_run(99);
+    TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
+    fixture_run(1);
+    assert_braked();
+}
+
+static void question_on_another_port_does_not_replace_the_sequence_s_host(void)
+{
+    const struct frame question = {.id = PROTO_ID_STATUS};
+    fixture_ask_start(fixture_upload(&two_seconds, 1, 0), 0);
+    for (int i = 0; i < 10; i++) {
+        fixture_run(49);
+        requests_answer(&fixture.controller, PORT_CAN, &question);
+    }
+    fixture_run(10);
+    assert_braked();
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_HOST_SILENT, fixture_status().faults_latched);
+}
+
+static void unattended_sequence_goes_on_without_a_host(void)
+{
+    fixture_ask_start(fixture_upload(&two_seconds, 1, 0), 1);
+    fixture_run(1990);
+    TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
+    fixture_ask_start(0, 2);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
+}
+
 static void stop_leaves_a_latched_fault_latched(void)
 {
     fixture_set_effort(0.3f, 0.3f);
@@ -144,7 +191,7 @@ static void start_is_refused_while_encoders_run_by_themselves(void)
         fixture.board.sample.counts[1] -= 7;
         fixture_run(1);
     }
-    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_ask_start(crc, 1);
     fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED,
                            PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE);
     fixture_set_effort(0.1f, 0.1f);
@@ -159,7 +206,7 @@ static void start_is_refused_without_a_battery_reading(void)
     const uint32_t crc = fixture_upload(&two_seconds, 1, 0);
     fixture.board.sample.battery_valid = false;
     fixture_run(1);
-    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_ask_start(crc, 1);
     fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
     fixture_set_velocity(0.1f, 0.1f);
     fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_UNREAD);
@@ -179,7 +226,7 @@ static void everything_wrong_is_named_at_once(void)
     }
     const uint32_t all = PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE |
                          PROTO_FAULT_BATTERY_UNREAD;
-    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_ask_start(crc, 1);
     fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, all);
     TEST_ASSERT_EQUAL_HEX32(all, fixture_status().faults_active);
     TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, fixture_status().state);
@@ -192,7 +239,7 @@ static void start_is_refused_while_the_wheels_still_coast(void)
     drive_live(1000);
     fixture_stop();
     fixture_run(100);
-    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_ask_start(crc, 1);
     fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED,
                            PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE);
     TEST_ASSERT_EQUAL_HEX32(0, fixture_status().faults_active);
@@ -200,7 +247,7 @@ static void start_is_refused_while_the_wheels_still_coast(void)
     fixture_expect_accepted();
     fixture_stop();
     fixture_run(3000);
-    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_ask_start(crc, 1);
     fixture_expect_accepted();
 }
 
@@ -216,7 +263,7 @@ static void robot_pushed_by_hand_is_fit_again_when_it_stands(void)
     TEST_ASSERT_EQUAL_HEX32(0, fixture_status().faults_latched);
     fixture_run(WHEEL_SPEED_STILL_MS + 1);
     TEST_ASSERT_EQUAL_HEX32(0, fixture_status().faults_active);
-    fixture_ask_u32(PROTO_ID_SEQ_START, crc);
+    fixture_ask_start(crc, 1);
     fixture_expect_accepted();
 }
 
@@ -420,6 +467,10 @@ int main(void)
     RUN_TEST(refused_command_does_not_keep_the_drive_alive);
     RUN_TEST(silence_time_is_the_parameter_s);
     RUN_TEST(cleared_fault_lets_the_host_drive_again);
+    RUN_TEST(sequence_whose_host_falls_silent_stops_and_latches);
+    RUN_TEST(sequence_s_silence_time_is_its_own_parameter);
+    RUN_TEST(question_on_another_port_does_not_replace_the_sequence_s_host);
+    RUN_TEST(unattended_sequence_goes_on_without_a_host);
     RUN_TEST(stop_leaves_a_latched_fault_latched);
     RUN_TEST(encoder_beyond_any_speed_stops_the_wheels);
     RUN_TEST(encoder_fault_ends_a_sequence_and_its_log_says_so);

@@ -124,7 +124,7 @@ static void command(void)
         upload_something();
         break;
     case 6:
-        fixture_ask_u32(PROTO_ID_SEQ_START, fixture.controller.robot.sequence.crc);
+        fixture_ask_start(fixture.controller.robot.sequence.crc, (uint8_t)random_below(2));
         break;
     default:
         fixture_ask(PROTO_ID_SEQ_ABORT, NULL, 0);

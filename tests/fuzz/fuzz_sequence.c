@@ -56,7 +56,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     RIG_REQUIRE(!rig.accepted);
     ask_u32(PROTO_ID_SEQ_COMMIT, crc);
     RIG_REQUIRE(rig.accepted == complete);
-    ask_u32(PROTO_ID_SEQ_START, crc);
+    {
+        const uint8_t payload[5] = {(uint8_t)crc, (uint8_t)(crc >> 8), (uint8_t)(crc >> 16),
+                                    (uint8_t)(crc >> 24), 1};
+        rig_ask(PROTO_ID_SEQ_START, payload, sizeof payload);
+    }
     RIG_REQUIRE(rig.accepted == complete);
     if (!complete) {
         rig_tick();

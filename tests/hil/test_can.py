@@ -177,7 +177,7 @@ def test_a_sequence_drives_on_while_the_bus_is_off_and_its_log_comes_down_afterw
 ) -> None:
     with CanChain(image) as chain:
         device = chain.host()
-        log_id = device.start(device.upload(MEDIUM))
+        log_id = device.start(device.upload(MEDIUM), unattended=True)
         chain.bus.run_us(500_000)
         chain.bus.set_shorted(True)
         chain.bus.run_us(5_000_000)

@@ -18,6 +18,7 @@ from support.processes import child, wait_until_it_says
 from support.served_board import ServedBoard
 from truing.board.device import Device
 from truing.errors import LinkClosed, LinkError, PortError
+from truing.plan import load_plan
 from truing_protocol import SequenceState, State
 
 
@@ -150,10 +151,29 @@ def test_unplugging_while_running_is_said_with_what_the_robot_does_now(
     assert "Traceback" not in err
 
 
-def test_a_host_that_dies_leaves_a_sequence_to_end_by_itself_and_its_log_to_be_fetched(
+def test_a_host_that_dies_stops_a_sequence_within_its_heartbeat(board: ServedBoard, tmp_path: Path) -> None:
+    with running(board.tcp, tmp_path / "set", "paper/I") as run:
+        wait_until_it_says(run, "seq_start")
+        time.sleep(1.5)
+        run.kill()
+    time.sleep(1.0)
+    with Device.open(board.tcp) as device:
+        status = device.status()
+        assert status.state is State.STOPPED
+        assert [fault.name for fault in status.latched] == ["host_silent"]
+        assert status.effort == (0.0, 0.0)
+        log = device.log()
+        assert log.end.name == "FAULT"
+        assert log.end_s - log.start_s < 1.5 + 0.5 + 0.5  # the last half for a busy machine
+
+
+def test_a_host_that_dies_leaves_an_unattended_sequence_to_end_and_its_log_to_be_fetched(
     board: ServedBoard, tmp_path: Path
 ) -> None:
-    with running(board.tcp, tmp_path / "set", "paper/I") as run:
+    plan = tmp_path / "alone.toml"
+    plan.write_text("unattended = true\n" + load_plan("paper/I").to_toml())
+    with running(board.tcp, tmp_path / "set", str(plan)) as run:
+        wait_until_it_says(run, "runs unattended")
         wait_until_it_says(run, "seq_start")
         time.sleep(1.5)
         run.kill()

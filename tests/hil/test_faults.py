@@ -43,7 +43,7 @@ def start(device: Device, kind: tp.SegmentKind, a: float, b: float, ms: int = 20
     device.client.request(tp.SeqBeginRequest(1, 20))
     device.client.request(tp.SeqSegmentsRequest(0, (segment,)))
     device.client.request(tp.SeqCommitRequest(crc))
-    device.client.request(tp.SeqStartRequest(crc))
+    device.client.request(tp.SeqStartRequest(crc, 1))
     device.client.stream.sleep(0.002)
 
 
@@ -278,6 +278,19 @@ def test_a_silent_host_stops_the_wheels(robot: VirtualRobot) -> None:
     clear_and_drive(device)
 
 
+def test_a_host_that_falls_silent_in_a_sequence_stops_the_wheels(robot: VirtualRobot) -> None:
+    device = host(robot)
+    device.start(device.upload(Plan("long", "", (Segment(Kind.EFFORT, 20.0, 0.3, 0.3),))))
+    for _ in range(20):
+        robot.run_us(400_000)
+        assert device.status().state == tp.State.SEQUENCE
+    took_ms = until_braked(robot)
+    print(f"host_silent in a sequence: {took_ms:.0f} ms")
+    assert 490 <= took_ms <= 501
+    assert latched(device) == {"host_silent"}
+    clear_and_drive(device)
+
+
 def test_a_brown_out_is_named_after_the_restart_and_forgotten_on_command(robot: VirtualRobot) -> None:
     device = host(robot)
     start(device, tp.SegmentKind.EFFORT, 0.3, 0.3)
@@ -442,7 +455,7 @@ def test_reversals_at_any_moment_trip_nothing(image: Path, native_library: Path,
         for first in range(0, len(segments), 60):
             device.client.request(tp.SeqSegmentsRequest(first, segments[first : first + 60]))
         device.client.request(tp.SeqCommitRequest(crc))
-        device.client.request(tp.SeqStartRequest(crc))
+        device.client.request(tp.SeqStartRequest(crc, 1))
         while device.status().state == tp.State.SEQUENCE:
             virtual.run_us(100_000)
         at = device.sequence_state()
@@ -453,14 +466,14 @@ def test_reversals_at_any_moment_trip_nothing(image: Path, native_library: Path,
 def test_a_sequence_begins_once_the_wheels_of_the_one_before_have_come_to_rest(robot: VirtualRobot) -> None:
     device = host(robot)
     sequence = device.upload(Plan("sprint", "", (Segment(Kind.EFFORT, 1.5, 0.9, 0.9),)))
-    device.start(sequence)
+    device.start(sequence, unattended=True)
     while device.status().state == tp.State.SEQUENCE:
         robot.run_us(20_000)
     ended_s = robot.time_s
     assert min(device.status().speed_mps) > 0.5
     with pytest.raises(Refused, match="implausible"):
-        device.client.request(tp.SeqStartRequest(sequence.crc32))
-    device.start(sequence)
+        device.client.request(tp.SeqStartRequest(sequence.crc32, 1))
+    device.start(sequence, unattended=True)
     print(f"began {robot.time_s - ended_s:.2f} s after the end of the one before")
     assert 0.1 < robot.time_s - ended_s < 2.5
     assert latched(device) == set()
@@ -478,7 +491,7 @@ def test_no_plan_that_truing_brings_along_trips_a_fault(image: Path, native_libr
 def faults_of(image: Path, plan: Plan, robot: RobotParameters | None = None) -> set[str]:
     with VirtualRobot(image, robot=robot) as virtual:
         device = host(virtual)
-        device.start(device.upload(plan))
+        device.start(device.upload(plan), unattended=True)
         while device.status().state == tp.State.SEQUENCE:
             virtual.run_us(200_000)
         status = device.status()

@@ -39,7 +39,7 @@ def hold(robot: VirtualRobot, speed_mps: float) -> Device:
     device = Device(Client(VirtualStream(robot)))
     device.client.stream.sleep(0.3)
     segments = (Segment(Kind.VELOCITY, 20.0, speed_mps, speed_mps),)
-    device.start(device.upload(Plan("hold", "hold", segments)))
+    device.start(device.upload(Plan("hold", "hold", segments)), unattended=True)
     return device
 
 

@@ -106,7 +106,7 @@ def test_it_accepts_a_sequence(board: Client) -> None:
 def test_it_does_not_start_and_names_encoders_and_supply(board: Client) -> None:
     crc = upload(board)
     with pytest.raises(Refused) as caught:
-        board.request(tp.SeqStartRequest(crc))
+        board.request(tp.SeqStartRequest(crc, 1))
     assert caught.value.reason in ("self_check_failed", "fault_latched")
     for fault in ("encoder_left_implausible", "encoder_right_implausible", "battery_unread"):
         assert fault in caught.value.message

@@ -61,7 +61,7 @@ def start(client: Client, segments: tuple[tp.Segment, ...], log_rate_hz: int) ->
     client.request(tp.SeqSegmentsRequest(0, segments))
     client.request(tp.SeqCommitRequest(crc))
     client.stream.sleep(0.3)
-    client.request(tp.SeqStartRequest(crc))
+    client.request(tp.SeqStartRequest(crc, 1))
 
 
 def read_log(client: Client) -> int:

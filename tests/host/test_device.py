@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -195,12 +196,15 @@ def test_an_interrupt_while_the_start_is_under_way_stops_as_well() -> None:
 
 
 def test_when_the_link_is_cut_the_user_learns_what_the_robot_does_now() -> None:
-    stream = FaultyStream(FakeLine(FakeBoard()), cut_after_bytes=600)
-    said: list[str] = []
-    with pytest.raises(LinkClosed):
-        drive(Device(Client(stream)), load_plan("paper/XI"), say=said.append)
-    assert "COULD NOT STOP" in said[0]
-    assert "until its plan ends" in said[0]
+    for unattended, words in ((False, "stops it by itself"), (True, "until its plan ends")):
+        stream = FaultyStream(FakeLine(FakeBoard()), cut_after_bytes=600)
+        said: list[str] = []
+        plan = replace(load_plan("paper/XI"), unattended=unattended)
+        with pytest.raises(LinkClosed):
+            drive(Device(Client(stream)), plan, say=said.append)
+        assert ("runs unattended" in said[0]) == unattended
+        assert "COULD NOT STOP" in said[-1]
+        assert words in said[-1]
 
 
 def test_a_fault_on_the_way_is_named() -> None:

@@ -58,7 +58,7 @@ def test_a_cut_line_is_not_taken_for_a_slow_one() -> None:
 def test_every_refusal_names_its_reason_and_a_next_step(reason: tp.RefusalReason) -> None:
     board = FakeBoard(refuse={"seq_start": (reason, 4)})
     with pytest.raises(Refused) as caught:
-        Client(FakeLine(board)).request(tp.SeqStartRequest(0))
+        Client(FakeLine(board)).request(tp.SeqStartRequest(0, 0))
     assert caught.value.reason == reason.name.lower()
     assert reason.name.lower() in str(caught.value)
     assert caught.value.next_step

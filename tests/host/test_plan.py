@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import pytest
 
 from truing.errors import FileError, PlanError
 from truing.floor import MotionModel, estimate_floor
-from truing.plan import Kind, Plan, Segment, built_in_names, load_plan
+from truing.plan import Kind, Plan, Segment, built_in_names, load_plan, parse_plan
 
 ROMAN = [
     "I",
@@ -173,3 +174,14 @@ def test_the_sentence_says_floor_speed_time_and_that_it_is_an_estimate() -> None
     said = estimate_floor(load_plan("paper/XI")).sentence()
     for word in ("ahead", "m/s", "9.0 s", "estimate", "default robot"):
         assert word in said
+
+
+def test_a_plan_that_runs_unattended_says_so_in_every_form() -> None:
+    content = {"unattended": True, "segment": [{"duration_s": 1.0, "effort": 0.2}]}
+    plan = parse_plan(content, "alone", "here")
+    assert plan.unattended
+    assert plan.to_dict()["unattended"] is True
+    assert tomllib.loads(plan.to_toml())["unattended"] is True
+    with pytest.raises(PlanError, match="unattended: must be true or false"):
+        parse_plan({**content, "unattended": 1}, "alone", "here")
+    assert "unattended" not in load_plan("paper/I").to_dict()

@@ -106,7 +106,7 @@ def _start(client: Client) -> None:
     client.request(tp.SeqBeginRequest(len(ROUGH_RIDE), LOG_RATE_HZ))
     client.request(tp.SeqSegmentsRequest(0, ROUGH_RIDE))
     client.request(tp.SeqCommitRequest(crc))
-    client.request(tp.SeqStartRequest(crc))
+    client.request(tp.SeqStartRequest(crc, 1))
 
 
 def _fill_the_line(client: Client, robot: VirtualRobot, can: CanLoad, until_us: int) -> None:

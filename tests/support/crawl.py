@@ -68,7 +68,7 @@ def crawl(
         device.set_parameter("speed_from_edges", float(from_edges))
         device.client.stream.sleep(0.3)
         segment = Segment(Kind.VELOCITY, SETTLE_S + SPAN_S + 5.0, speed_mps, speed_mps)
-        device.start(device.upload(Plan("crawl", "crawl", (segment,))))
+        device.start(device.upload(Plan("crawl", "crawl", (segment,))), unattended=True)
         board.run_us(round(SETTLE_S * 1e6))
         speeds = []
         for _ in range(round(SPAN_S * 1e6 / _SAMPLE_US)):

@@ -55,7 +55,7 @@ def drive_paper(robot: Any, rounds: int | None = None) -> Held:
             driven += 1
             for plan in plans:
                 assert plan.log_rate_hz == RATE_HZ
-                log_id = device.start(device.upload(plan))
+                log_id = device.start(device.upload(plan), unattended=True)
                 velocity = any(segment.kind is Kind.VELOCITY for segment in plan.segments)
                 modes[log_id] = "velocity" if velocity else "effort"
                 robot.run_us(round(plan.duration_s * 1e6) + PAUSE_US)

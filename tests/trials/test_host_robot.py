@@ -43,7 +43,7 @@ def log_of(robot: Any, plan_name: str) -> bytes:
     with Device(Client(VirtualStream(robot))) as device:
         sequence = device.upload(plan)
         robot.run_us(START_US - robot.time_us)
-        log_id = device.start(sequence)
+        log_id = device.start(sequence, unattended=True)
         robot.run_us(round(plan.duration_s * 1e6) + 300_000)
         return fetch_log(device, log_id).data
 

@@ -274,8 +274,11 @@ class Device:
         reply = self.client.request(SeqCommitRequest(crc))
         return UploadedSequence(crc, reply.duration_ms / 1000)
 
-    def start(self, sequence: UploadedSequence) -> int:
+    def start(self, sequence: UploadedSequence, *, unattended: bool = False) -> int:
         """Run an uploaded sequence; returns the id of the log that opens.
+
+        The board stops it, latched, once it has heard no request on this link for its
+        heartbeat_timeout_s, unless `unattended`.
 
         The board begins from standstill only, and a wheel that still rolls is to it an encoder that counts
         while the wheels are braked. After a run that ended in motion they get the time that it takes.
@@ -283,7 +286,7 @@ class Device:
         until_s: float | None = None
         while True:
             try:
-                return self.client.request(SeqStartRequest(sequence.crc32)).log_id
+                return self.client.request(SeqStartRequest(sequence.crc32, unattended)).log_id
             except Refused as refused:
                 if refused.reason != "self_check_failed" or not set(refused.faults) <= _ROLLING:
                     raise

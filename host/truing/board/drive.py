@@ -18,7 +18,8 @@ from truing.progress import Progress
 from truing_protocol import SequenceState
 
 _LOG = logging.getLogger("truing.board.drive")
-_POLL_S = 0.2
+# Each question is also the heartbeat that the board wants at least every 0.5 s (heartbeat_timeout_s).
+_POLL_S = 0.1
 _SLICE_S = 0.02
 # The board ends a sequence by the same clock, to the millisecond.
 _OVERTIME_S = 2.0
@@ -89,9 +90,14 @@ def drive(
         try:
             status_before = device.status()
             sequence = device.upload(plan)
+            if plan.unattended:
+                say(
+                    f"{plan.name} runs unattended: the board drives it to its end, "
+                    f"{plan.duration_s:.0f} s, also when this program or the link fails"
+                )
             # From here on the wheels may turn, whether or not the answer arrives.
             moving = True
-            log_id = device.start(sequence)
+            log_id = device.start(sequence, unattended=plan.unattended)
             _watch(device, sequence.duration_s, progress)
             moving = False
             return Drive(log_id, sequence.crc32, status_before)
@@ -158,9 +164,12 @@ def _stop_for_certain(device: Device, plan: Plan, say: Callable[[str], None]) ->
     except BoardRebooted:
         say("the board started anew: its wheels are braked")
     except TruingError as error:
-        say(
-            f"COULD NOT STOP THE ROBOT: {error}. It may drive on by itself until its plan ends, "
+        until = (
+            "It runs unattended, and may drive on until its plan ends, "
             f"{plan.duration_s:.0f} s after the start. Cut its power if that is not safe."
+            if plan.unattended
+            else "The board stops it by itself when it has heard no host for its heartbeat_timeout_s (0.5 s)."
         )
+        say(f"COULD NOT STOP THE ROBOT: {error}. {until}")
     else:
         say("wheels stopped: the board has acknowledged the stop")

@@ -166,7 +166,7 @@ def _start_when_still(robot: SimulatedRobot, device: Device, sequence: UploadedS
     for held in range(_MAX_HOLDS):
         robot.run_us(_HELD_US)
         try:
-            return device.start(sequence)
+            return device.start(sequence, unattended=True)
         except Refused:
             if held == _MAX_HOLDS - 1:
                 raise

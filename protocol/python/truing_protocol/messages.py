@@ -1067,30 +1067,31 @@ class SeqStartReply:
         return cls(log_id=v[0])
 
 
-_SEQ_START_REQUEST = struct.Struct("<I")
+_SEQ_START_REQUEST = struct.Struct("<IB")
 
 
 @dataclass(frozen=True, slots=True)
 class SeqStartRequest:
     """Run the committed sequence; a log opens, and odometry goes to zero with it."""
 
-    SIZE: ClassVar[int] = 4
+    SIZE: ClassVar[int] = 5
     ID: ClassVar[int] = 0x23
     NAME: ClassVar[str] = "seq_start"
     CHANGES: ClassVar[bool] = True
 
     crc32: int  # of the sequence meant
+    unattended: int  # 0: it stops when the host falls silent; 1: it runs to its end without a host
 
     def pack(self) -> bytes:
         """The payload's bytes; struct.error when a value does not fit its field."""
-        return _SEQ_START_REQUEST.pack(self.crc32)
+        return _SEQ_START_REQUEST.pack(self.crc32, self.unattended)
 
     @classmethod
     def unpack(cls, payload: bytes) -> SeqStartRequest:
         """Read the payload's bytes; PayloadError when their number is wrong."""
-        _check_length(payload, 4, False, cls)
+        _check_length(payload, 5, False, cls)
         v = _SEQ_START_REQUEST.unpack_from(payload)
-        return cls(crc32=v[0])
+        return cls(crc32=v[0], unattended=v[1])
 
     @staticmethod
     def unpack_reply(payload: bytes) -> SeqStartReply:

@@ -21,7 +21,7 @@ LOG_RECORD_VERSION: Final = 2
 CAN_HOST_TO_BOARD: Final = 0x600
 CAN_BOARD_TO_HOST: Final = 0x640
 CAN_NODES: Final = 0x3f
-SCHEMA_HASH: Final = 0xc604d91d
+SCHEMA_HASH: Final = 0x7e88955f
 REFUSAL_ID: Final = 0xff
 REPLY_BIT: Final = 0x80
 
@@ -94,6 +94,7 @@ PARAMETERS: Final[tuple[ParameterInfo, ...]] = (
     ParameterInfo(35, "can_node", "", ParameterKind.INTEGER, 1.0, 63.0, 1.0, "this board's number on the CAN bus; each board needs its own"),
     ParameterInfo(36, "can_bitrate_kbps", "kbit/s", ParameterKind.INTEGER, 100.0, 1000.0, 1000.0, "bit rate of the CAN bus, the same for all that share it; usual are 1000 and 500"),
     ParameterInfo(37, "can_status_hz", "Hz", ParameterKind.INTEGER, 0.0, 100.0, 10.0, "status broadcasts on the CAN bus per second; 0: none"),
+    ParameterInfo(38, "heartbeat_timeout_s", "s", ParameterKind.REAL, 0.05, 10.0, 0.5, "time without a request of the host that started it after which a sequence stops, latched, unless it runs unattended"),
 )
 
 FAULTS: Final[tuple[FaultInfo, ...]] = (
@@ -129,8 +130,8 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
         4,
         "host_silent",
         True,
-        "no valid command came within command_timeout_s while the host drove the wheels",
-        "check the cable and the host, then clear the fault",
+        "the host fell silent: no valid command within command_timeout_s of a live drive, or no request within heartbeat_timeout_s of a sequence that needs its host",
+        "check the cable and the host, then clear the fault; a plan that shall run without a host says `unattended = true`",
     ),
     FaultInfo(
         5,

@@ -68,6 +68,8 @@ def to_toml(plan: Plan) -> str:
     lines.append(f"title = {_quoted(plan.title)}")
     if plan.log_rate_hz:
         lines.append(f"log_rate_hz = {plan.log_rate_hz}")
+    if plan.unattended:
+        lines.append("unattended = true")
     for segment in plan.segments:
         pair = f"{{ v_mps = {segment.a!r}, omega_radps = {segment.b!r} }}"
         value = pair if segment.kind is Kind.TWIST else f"[{segment.a!r}, {segment.b!r}]"

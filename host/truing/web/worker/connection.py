@@ -114,7 +114,7 @@ class BoardConnection:
         if self._live:
             self._brake()
         sequence = self._device.upload(request.plan)
-        log_id = self._device.start(sequence)
+        log_id = self._device.start(sequence, unattended=request.plan.unattended)
         self._running = _Running(request, log_id, sequence.duration_s)
         self._shared.publish(task=replace(task, stage="driving"))
 
