@@ -164,8 +164,11 @@ def test_first_rows_that_belong_to_the_test_before_are_said(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("shares", "says"),
     [
-        ((0.6, 0.45, 0.6, 0.35), "from test to test: one encoder miscounts"),
-        ((0.6, 0.6, 0.6, 0.6), "the same each time, so that gearing, radius or counts per revolution differ"),
+        ((0.6, 0.45, 0.6, 0.35), "from test to test: one encoder miscounts, the two motors differ"),
+        (
+            (0.6, 0.6, 0.6, 0.6),
+            "the same each time, so that gearing, radius, counts per revolution or the two motors differ",
+        ),
     ],
 )
 def test_one_side_going_less_far_is_said_and_its_likely_cause(

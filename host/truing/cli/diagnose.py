@@ -113,9 +113,12 @@ def command(
         from truing.diagnose.present.exports import parse_exports, write_exports
         from truing.diagnose.present.text import sections
         from truing.diagnose.simulation.warm import compile_once
-        from truing.recording.writer import replace_file
+        from truing.recording.writer import check_output, replace_file
 
         wanted = parse_exports(exports)
+        for path in (json_path, report_path, next_run, *(export.path for export in wanted)):
+            if path is not None:
+                check_output(path)
         recordings = read_input(runs, model)
         if commanded and (wheels_only or wheel is not None or sim_runs is not None):
             raise click.UsageError("--commanded goes without --wheel, --wheels-only and --sim-runs")

@@ -53,7 +53,11 @@ def command(
     from truing.identify.model_ladder import fit_models
     from truing.identify.model_tables import model_tables
     from truing.importers import read_runs
+    from truing.recording.writer import check_output
 
+    for path, folder in ((out, False), (report, True)):
+        if path is not None:
+            check_output(path, folder=folder)
     recordings = read_runs(runs, model)
     with app.progress("fitting") as progress:
         models = fit_models(recordings, richer=more, progress=progress)
@@ -63,6 +67,8 @@ def command(
     if out is not None:
         models.robot_model().save(out)
         app.say(f"written: {out}")
+        for side, reason in models.refused.items():
+            app.say(f"note: the {side} wheel in it is a copy of the other one, not fitted: {reason}")
     if report is not None:
         from truing.report.fit_page import save_fit
 

@@ -44,7 +44,10 @@ def command(app: App, runs: Path, model: Path | None, out: Path | None) -> None:
     """
     from truing.identify.identification import identify_set
     from truing.importers import read_runs
+    from truing.recording.writer import check_output
 
+    if out is not None:
+        check_output(out, folder=True)
     recordings = read_runs(runs, model)
     with app.progress("identifying") as progress:
         result = identify_set(recordings, progress)

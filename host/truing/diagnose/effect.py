@@ -102,6 +102,7 @@ class Effect:
     settles : at steady speeds longer substeps do.
     exact : any step is exact while no other effect asks for a `step_share`.
     units : units of reported parameters that are no parameter of the same name here.
+    non_negative : reported parameters among those that cannot be below zero.
     couples : it lets one wheel move the other, so that the wheels cannot be perturbed in one rollout.
     extends : the simpler effect that this one contains; it is named only where its additional parameters
         are significant.
@@ -125,6 +126,7 @@ class Effect:
     exact: bool = False
     couples: bool = False
     units: Mapping[str, str] = field(default_factory=dict)
+    non_negative: tuple[str, ...] = ()
     extends: str = ""
     evidence: Callable[[SetData], float] = no_evidence
 

@@ -25,6 +25,7 @@ from truing.diagnose.inter_sample_input import inter_sample_uncertainty, with_in
 from truing.diagnose.next_experiment import propose
 from truing.diagnose.noise import Noise, predicted_uncertainty, white_noise
 from truing.diagnose.noise_updates import noise_from_fit
+from truing.diagnose.one_wheel import of_one_wheel
 from truing.diagnose.ordered_errors import with_ordered_errors
 from truing.diagnose.present.compensation import compensate
 from truing.diagnose.problem import (
@@ -111,7 +112,8 @@ def _diagnose(recordings: RecordingSet, options: Options, progress: Progress) ->
         limits = None if options.floor_m is None else Limits(floor_m=options.floor_m)
         experiment = propose(diagnosis.explanations, at_renewals(recordings), diagnosis.noise, limits)
         diagnosis = replace(diagnosis, next_experiment=experiment)
-    return replace(diagnosis, compensation=compensate(diagnosis, recordings.baseline))
+    diagnosis = replace(diagnosis, compensation=compensate(diagnosis, recordings.baseline))
+    return diagnosis if options.wheel is None else of_one_wheel(diagnosis, options.wheel)
 
 
 def analyse(

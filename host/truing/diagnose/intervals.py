@@ -198,7 +198,8 @@ def effect_parameters(
     for key, value in centre.items():
         variance = float(slopes[key] @ parameter_covariance @ slopes[key])
         half = QUANTILE * math.sqrt(max(variance, 0.0))
-        out[key] = EffectParameter(value, (value - half, value + half), units.get(key, "1"))
+        ends = _possible(simulator.range_of(name, key), value, half)
+        out[key] = EffectParameter(value, ends, units.get(key, "1"))
     return _clear_of_absent(problem, done, name, out)
 
 
@@ -224,3 +225,8 @@ def _clear_of_absent(
     reach = abs(value.value - absent[key]) * (CHI2_95 / lost) ** 0.25
     ends = (value.value - reach, high) if absent[key] < value.value else (low, value.value + reach)
     return {key: replace(value, ci95=ends)}
+
+
+def _possible(ends: tuple[float, float], value: float, half: float) -> tuple[float, float]:
+    """The interval value +- half within `ends`, what the parameter can physically be."""
+    return min(max(value - half, ends[0]), value), max(min(value + half, ends[1]), value)

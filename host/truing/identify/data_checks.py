@@ -188,7 +188,11 @@ def _check_sides(run: Run, baseline: Baseline | None) -> list[Finding]:
         f"({100 * low:.0f} to {100 * high:.0f} % in most rows): "
     )
     wander = high - low > 0.15
-    text += "its encoder miscounts" if wander else "its counts per revolution, radius or gearing differ"
+    text += (
+        "its encoder miscounts, or the two motors, drivers or loads are not alike"
+        if wander
+        else "its counts per revolution, radius or gearing differ, or the two motors do"
+    )
     return [Finding(run.name, text, slow, "sides")]
 
 

@@ -59,14 +59,11 @@ def even_signal(signal: WheelSignal, shortest: int) -> EvenSignal:
     for a, b in pairwise(starts):
         if b - a < shortest:
             continue
-        run = int(signal.run_of_row[a])
-        stretches.append(
-            EvenStretch(
-                run,
-                _resample(t[a:b], signal.excitation.effort[a:b], interval),
-                _resample(t[a:b], signal.speed_mps[a:b], interval),
-            )
-        )
+        effort = _resample(t[a:b], signal.excitation.effort[a:b], interval)
+        speed = _resample(t[a:b], signal.speed_mps[a:b], interval)
+        # A run that was logged faster than the others has fewer rows at the common interval.
+        if len(speed) >= shortest:
+            stretches.append(EvenStretch(int(signal.run_of_row[a]), effort, speed))
     if not stretches:
         raise IdentifyError(f"no stretch without a gap has {shortest} rows or more")
     uneven = float(np.mean(np.abs(steps - interval) > 0.1 * interval))

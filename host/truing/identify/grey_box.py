@@ -11,13 +11,14 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.errors import IdentifyError
+from truing.identify.identifiable import LARGEST_RATIO, TIME_CONSTANT, why_no_time_constant
 from truing.identify.model_error import FreeRunError, free_run_error
 from truing.identify.output_error import PhysicsFit, fit_nested, fit_physics, measured_initial
 from truing.identify.quantity import Quantity
-from truing.identify.signals import WheelSignal, wheel_signal
+from truing.identify.signals import WheelSignal, shown_resolution, wheel_signal
 from truing.identify.structures import DELAY, FREEDOMS, Structure
 from truing.identify.structures import structure as structure_named
-from truing.identify.uncertainty import half_widths
+from truing.identify.uncertainty import half_widths, rounding_half_widths
 from truing.model.wheel import PHYSICS_FIELDS, WheelPhysics, simulate_physics
 from truing.recording.baseline import Baseline
 from truing.recording.run import Run, Wheel
@@ -36,6 +37,8 @@ UNITS: dict[str, str] = {
     "recorder_window_s": "s",
 }
 RATIO = "ratio"
+# What only a changing speed shows.
+DYNAMIC = (TIME_CONSTANT, "delay_s")
 MANY_RUNS = 6
 # Rows that are averaged before the residual's memory is modelled, as a share of the time constant.
 BLOCK_SHARE = 0.5
@@ -95,6 +98,7 @@ def fit_wheel(
     *,
     hold_out: bool = True,
     intervals: bool = True,
+    nested: PhysicsFit | None = None,
 ) -> WheelFit:
     """Fit one wheel's physics to all runs together, every run with the same weight.
 
@@ -104,14 +108,20 @@ def fit_wheel(
     baseline : what turns counts into travel.
     hold_out : also leave out every run in turn (needs two runs or more).
     intervals : also find the parameters' 95 % intervals.
+    nested : the search's end of a simpler structure for the same runs.
     """
     if isinstance(structure, str):
         structure = structure_named(structure)
     signal = wheel_signal(runs, side, baseline)
-    fit = fit_structure(signal, structure)
+    fit = fit_structure(signal, structure, nested)
     by_run = signal.rms_by_run(fit.predicted_mps - signal.speed_mps)
-    held_out = leave_one_run_out(signal, structure, fit) if hold_out and signal.runs > 1 else None
+    held_out = None
     parameters, notes = _quantities(signal, fit, intervals)
+    if hold_out and signal.runs > 1:
+        try:
+            held_out = leave_one_run_out(signal, structure, fit)
+        except IdentifyError as error:
+            notes.append(f"no run can be left out: of the others {error.message}")
     return WheelFit(
         side,
         structure,
@@ -125,13 +135,24 @@ def fit_wheel(
     )
 
 
-def fit_structure(signal: WheelSignal, structure: Structure) -> PhysicsFit:
-    """Fit a structure; one richer than friction and delay is searched for from that model's fit."""
+def fit_structure(signal: WheelSignal, structure: Structure, nested: PhysicsFit | None = None) -> PhysicsFit:
+    """Fit a structure; one richer than friction and delay is searched for from that model's fit.
+
+    Parameters
+    ----------
+    nested : the fit of a simpler structure to the same rows. It is one more place to start from, so that a
+        richer structure never fits worse than one that it contains.
+    """
     inner = tuple(name for name in DELAY.free if name in structure.free)
     if len(inner) == len(structure.free) or "gain_mps" not in inner:
-        return fit_physics(signal, structure)
-    simple = fit_physics(signal, Structure("inner", inner))
-    return fit_nested(signal, structure, simple)
+        found = fit_physics(signal, structure)
+    else:
+        found = fit_nested(signal, structure, fit_physics(signal, Structure("inner", inner)))
+    if nested is None or found.minimum.cost <= nested.minimum.cost:
+        return found
+    start, initial = nested.physics, nested.initial_mps
+    other = fit_physics(signal, structure, start=start, base=start, initial_mps=initial)
+    return min(found, other, key=lambda end: end.minimum.cost)
 
 
 def leave_one_run_out(
@@ -186,33 +207,56 @@ def _quantities(
     block = max(1, round(BLOCK_SHARE * fit.physics.time_constant_s / float(signal.excitation.interval_s[0])))
     if intervals:
         run_of_row = signal.run_of_row.astype(np.intp)
-        margins[told] = half_widths(raw[:, told], residual, weights, run_of_row, block)
+        found = half_widths(raw[:, told], residual, weights, run_of_row, block)
+        shown = shown_resolution(signal.speed_mps, signal.resolution_mps)
+        margins[told] = np.maximum(found, rounding_half_widths(raw[:, told], weights, shown))
 
+    why_not = why_no_time_constant(signal, fit) if intervals else None
     values = fit.physics.to_vector()
     parameters: dict[str, Quantity] = {}
     notes: list[str] = []
     for k, name in enumerate(fit.structure.free):
         unit = UNITS.get(name, RATIO)
         value = float(values[PHYSICS_FIELDS.index(name)])
-        freedom = FREEDOMS[name]
-        if not told[k]:
-            parameters[name] = Quantity.unknown(unit, "these runs do not depend on it")
-            notes.append(f"{name}: these runs do not depend on it")
+        reason = None if told[k] else "these runs do not depend on it"
+        if why_not is not None and name in DYNAMIC:
+            reason = why_not
+        ends = _interval(name, value, float(margins[k]))
+        if reason is None and intervals:
+            reason = _too_wide(name, ends)
+        if reason is not None:
+            parameters[name] = Quantity.unknown(unit, reason)
+            notes.append(f"{name}: {reason}")
             continue
-        margin = float(margins[k])
-        if freedom.log:
-            low, high = value * math.exp(-min(margin, 50.0)), value * math.exp(min(margin, 50.0))
-        else:
-            low, high = value - margin, value + margin
-        low, high = max(low, freedom.lower), min(high, freedom.upper)
+        freedom = FREEDOMS[name]
         edge = 1e-6 * (freedom.upper - freedom.lower)
         if value <= freedom.lower + edge and name not in ("delay_s", "friction", "breakaway_excess"):
             notes.append(f"{name} stands at the lower end of what is searched ({freedom.lower:g} {unit})")
         if value >= freedom.upper - edge:
             notes.append(f"{name} stands at the upper end of what is searched ({freedom.upper:g} {unit})")
-        parameters[name] = Quantity(value, unit, (low, high) if intervals else None)
+        parameters[name] = Quantity(value, unit, ends if intervals else None)
     if not minimum.converged:
         notes.append("the search was still improving when it was stopped")
     if fit.physics.gain_mps < 0.0:
         notes.append("the gain is negative: effort and speed have opposite signs in this recording")
     return parameters, notes
+
+
+def _interval(name: str, value: float, margin: float) -> tuple[float, float]:
+    """The 95 % interval of a parameter, within what is physically possible."""
+    freedom = FREEDOMS[name]
+    if freedom.log:
+        low, high = value * math.exp(-min(margin, 50.0)), value * math.exp(min(margin, 50.0))
+    else:
+        low, high = value - margin, value + margin
+    return max(low, freedom.lower), min(high, freedom.upper)
+
+
+def _too_wide(name: str, ends: tuple[float, float]) -> str | None:
+    """Why an interval means that the parameter is not known; None where it is."""
+    low, high = ends
+    if name == "gain_mps" and low <= 0.0 <= high:
+        return "not pinned down: its 95 % interval holds zero"
+    if name == TIME_CONSTANT and high > LARGEST_RATIO * low:
+        return f"not pinned down: anything from {low:.2g} to {high:.2g} s fits"
+    return None

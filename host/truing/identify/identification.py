@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from truing.identify.data_checks import Finding, check_set, refuse_absurd
+from truing.identify.effort_checks import refuse_efforts
 from truing.identify.first_order import FirstOrderFit, fit_first_order
 from truing.identify.step_metrics import StepMetrics, step_metrics
 from truing.progress import Progress, ignore_progress
@@ -103,6 +104,7 @@ def identify_set(recordings: RecordingSet, progress: Progress = ignore_progress)
     progress : is told the share of the work that is done, 0 to 1.
     """
     refuse_absurd(recordings)
+    refuse_efforts(recordings)
     runs = []
     for number, run in enumerate(recordings, start=1):
         runs.append(_identify_run(run, recordings.baseline))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -10,8 +11,12 @@ import numpy as np
 
 from truing.errors import IdentifyError
 from truing.identify.arx import ArxFit, fit_arx_signal
+from truing.identify.data_checks import refuse_absurd
+from truing.identify.effort_checks import refuse_efforts
 from truing.identify.grey_box import WheelFit, fit_wheel
 from truing.identify.held_out import simplest_good
+from truing.identify.identifiable import STEPS_ADVICE, TIME_CONSTANT, at_a_bound
+from truing.identify.output_error import PhysicsFit
 from truing.identify.signals import wheel_signal
 from truing.identify.state_space import StateSpaceFit, fit_state_space_signal
 from truing.identify.structures import DELAY, STRUCTURES, Structure
@@ -77,17 +82,36 @@ class SetModels:
         }
 
     def robot_model(self) -> RobotModel:
-        """The chosen models of both wheels as one robot."""
+        """The chosen models of both wheels as one robot.
+
+        A wheel that could not be fitted has a copy of the other's, and `source` says so.
+
+        Raises
+        ------
+        IdentifyError : the runs do not show a wheel's gain or time constant.
+        """
         chosen = {models.wheel: models.chosen for models in self.wheels}
-        for wheel in WHEELS:
-            if wheel not in chosen:
-                raise IdentifyError(f"the {wheel} wheel has no model: {self.refused.get(wheel, '')}")
         source = {"recordings": self.name}
         for wheel, fit in chosen.items():
+            _refuse_unknown(wheel, fit)
             error = fit.held_out or fit.free_run
             kind = "left-out runs" if fit.held_out is not None else "the fitted run"
             source[wheel] = f"{fit.structure.name}; free-run error {error.percent:.2f} % on {kind}"
-        return RobotModel(chosen["left"].physics, chosen["right"].physics, self.robot, self.rate_hz, source)
+        for wheel, reason in self.refused.items():
+            source[wheel] = f"a copy of the other wheel, not fitted: {reason}"
+        left, right = (chosen.get(wheel, self.wheels[0].chosen).physics for wheel in WHEELS)
+        return RobotModel(left, right, self.robot, self.rate_hz, source)
+
+
+def _refuse_unknown(wheel: Wheel, fit: WheelFit) -> None:
+    """Stop where a number that every simulation needs is not known."""
+    for name, words in (("gain_mps", "gain"), (TIME_CONSTANT, "time constant")):
+        quantity = fit.parameters.get(name)
+        if quantity is not None and quantity.value is None:
+            raise IdentifyError(
+                f"no model is written: the {wheel} wheel's {words} is not known ({quantity.reason})",
+                STEPS_ADVICE,
+            )
 
 
 def fit_models(
@@ -101,7 +125,13 @@ def fit_models(
     Parameters
     ----------
     richer : also try every structure beyond friction and delay.
+
+    Raises
+    ------
+    RecordingError, IdentifyError : efforts that are none; speeds that no robot has; no wheel can be fitted.
     """
+    refuse_absurd(recordings)
+    refuse_efforts(recordings)
     names = BASIC + (RICHER if richer else ())
     done = 0
 
@@ -133,16 +163,18 @@ def fit_models(
 def _fit_wheel_models(recordings: RecordingSet, wheel: Wheel, names: tuple[str, ...]) -> WheelModels:
     runs, baseline = recordings.runs, recordings.baseline
     signal = wheel_signal(runs, wheel, baseline)
-    steps = [
-        fit_wheel(runs, wheel, structure, baseline, intervals=False)
-        for structure in (STRUCTURES[name] for name in names)
-        if _is_visible(structure, signal.has_supply)
-    ]
+    steps: list[WheelFit] = []
+    for structure in (STRUCTURES[name] for name in names):
+        if _is_visible(structure, signal.has_supply):
+            nested = _richest_within(steps, structure)
+            steps.append(fit_wheel(runs, wheel, structure, baseline, intervals=False, nested=nested))
+    # A time constant at the end of what is searched is no estimate, however well it fits.
+    sound = [step for step in steps if at_a_bound(step.search) is None] or steps
     if all(step.held_out is not None for step in steps):
         scores = [
-            (step.held_out.rms_mps, len(step.structure.free)) for step in steps if step.held_out is not None
+            (step.held_out.rms_mps, len(step.structure.free)) for step in sound if step.held_out is not None
         ]
-        chosen = steps[simplest_good(scores)]
+        chosen = sound[simplest_good(scores)]
     else:
         chosen = next(step for step in steps if step.structure is DELAY)
     missing: list[str] = []
@@ -167,6 +199,12 @@ def _fit_wheel_models(recordings: RecordingSet, wheel: Wheel, names: tuple[str, 
     except IdentifyError as error:
         missing.append(f"state space: {error.message}")
     return WheelModels(wheel, tuple(steps), chosen, arx, state_space, tuple(missing))
+
+
+def _richest_within(steps: Sequence[WheelFit], structure: Structure) -> PhysicsFit | None:
+    """The search's end of the richest structure fitted so far that this one contains."""
+    within = [step for step in steps if set(step.structure.free) < set(structure.free)]
+    return max(within, key=lambda step: len(step.structure.free)).search if within else None
 
 
 def _irreplaceable_run(fit: WheelFit) -> str | None:

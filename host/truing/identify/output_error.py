@@ -104,6 +104,7 @@ def fit_physics(
     *,
     base: WheelPhysics | None = None,
     start: WheelPhysics | None = None,
+    initial_mps: FloatArray | None = None,
     iterations: int = 60,
 ) -> PhysicsFit:
     """Fit the free parameters and each segment's initial speed; every run counts the same.
@@ -113,6 +114,7 @@ def fit_physics(
     base : values of the parameters that are not free.
     start : where to search from; without it the search starts from the best points of a grid over
         time constant, delay and friction, the gain at each solved by least squares.
+    initial_mps : shape (segments,), where the initial speeds are searched from; None: from the first rows.
     """
     if np.ptp(signal.excitation.effort) == 0.0:
         raise IdentifyError("the effort never changes, so that nothing can be identified from it")
@@ -120,7 +122,7 @@ def fit_physics(
         raise IdentifyError("the measured speed never changes: check the encoder, and that the wheel turned")
     coordinates = _coordinates(signal, structure, base)
     search = _Search(signal, coordinates)
-    initial, _ = measured_initial(signal)
+    initial = measured_initial(signal)[0] if initial_mps is None else initial_mps
     if start is not None:
         starts = [coordinates.encode(start.to_vector(), initial)]
     else:

@@ -104,6 +104,22 @@ class WheelSignal:
         )
 
 
+def shown_resolution(speed_mps: FloatArray, resolution_mps: float = 0.0) -> float:
+    """The smallest step that a speed shows, m/s: that of its counts, else that between its values.
+
+    Parameters
+    ----------
+    speed_mps : shape (n,).
+    resolution_mps : of one count per row, where counts are known; 0 where not.
+    """
+    if resolution_mps > 0.0:
+        return resolution_mps
+    steps = np.diff(np.unique(speed_mps))
+    # Values that differ by rounding errors of the division alone are one value.
+    steps = steps[steps > 1e-9 * float(np.max(np.abs(speed_mps), initial=0.0))]
+    return float(steps.min()) if steps.size else 0.0
+
+
 def wheel_signal(runs: Sequence[Run], wheel: Wheel, baseline: Baseline | None = None) -> WheelSignal:
     """Efforts and speeds of one wheel in all runs; gaps start a new segment.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
@@ -11,6 +12,7 @@ import numpy as np
 from truing.arrays import FloatArray
 from truing.identify.levels import STEADY_SHARE, InputKind, Level, find_levels
 from truing.identify.quantity import Quantity
+from truing.identify.signals import shown_resolution
 from truing.identify.step_noise import WindowNoise, window_noise
 from truing.identify.step_response import Response, ripple_of, rows_before, rows_inside
 from truing.recording.baseline import Baseline
@@ -26,6 +28,8 @@ LARGE_RIPPLE = 0.1
 FEW_ROWS = 2.0
 # A steady window whose halves differ by more than this share of the step had not settled.
 SETTLED_SHARE = 0.02
+# Standard deviations to the end of a 95 % interval.
+NORMAL = 1.96
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +112,12 @@ def _measure(
         spread = Quantity.unknown("mm/s", reason)
     else:
         window_s = STEADY_SHARE * level.duration_s
-        gain = _gain(level, steady, _half_width_of_mean(noise, speed.resolution * run.interval_s / window_s))
+        shown = shown_resolution(speed.values, speed.resolution)
+        counted = speed.resolution > 0.0
+        # Of counts only the two ends of the window are rounded; each value of a speed is.
+        share = run.interval_s / window_s
+        rounding = shown * (share if counted else math.sqrt(share / 12.0) * NORMAL)
+        gain = _gain(level, steady, _half_width_of_mean(noise, shown, counted, rounding))
         change, refusal = _change(run.t_s, speed, level, steady, ripple)
         spread = ripple_of(noise, speed.resolution)
         if refusal is not None:
@@ -173,9 +182,25 @@ def _steady(t_s: FloatArray, speed: FloatArray, level: Level) -> tuple[float, fl
     return steady, ripple, drift, None
 
 
-def _half_width_of_mean(noise: WindowNoise | None, rounding: float) -> float | None:
-    """Of the mean speed's 95 % interval, m/s; what one count is worth over the window is never beaten."""
-    return None if noise is None else max(noise.quantile * noise.mean_deviation, rounding)
+def _half_width_of_mean(
+    noise: WindowNoise | None, resolution_mps: float, counted: bool, rounding: float
+) -> float | None:
+    """Of the mean speed's 95 % interval, m/s; None where nothing tells.
+
+    Parameters
+    ----------
+    resolution_mps : smallest step that the speed shows.
+    counted : the speed comes from counts. Over a window their rounding errors cancel but for those at its
+        two ends, so that the noise that is rounding (variance 1/6 of a count squared) widens nothing.
+    rounding : what one count is worth over the window, m/s, which is never beaten.
+    """
+    if noise is None:
+        return None
+    own = 1.0
+    if counted and noise.sigma > 0.0:
+        own = math.sqrt(max(1.0 - resolution_mps**2 / 6.0 / noise.sigma**2, 0.0))
+    half = max(own * noise.quantile * noise.mean_deviation, rounding)
+    return half if half > 0.0 else None
 
 
 def _gain(level: Level, steady_mps: float, half_width: float | None) -> Quantity:
@@ -188,6 +213,10 @@ def _gain(level: Level, steady_mps: float, half_width: float | None) -> Quantity
     if half_width is None:
         return Quantity(value, unit)
     half = half_width * abs(scale)
+    if value == 0.0:
+        return Quantity(value, unit, (0.0, half))  # a wheel that does not answer
+    if half >= abs(value):
+        return Quantity.unknown(unit, f"not pinned down: {value:.3g} +- {half:.2g} {unit} holds zero")
     return Quantity(value, unit, (value - half, value + half))
 
 

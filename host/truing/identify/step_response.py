@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from truing.arrays import FloatArray
+from truing.identify.identifiable import LARGEST_RATIO
 from truing.identify.levels import STEADY_SHARE, Level
 from truing.identify.quantity import Quantity
 from truing.identify.step_noise import WindowNoise
@@ -41,7 +42,8 @@ def ripple_of(noise: WindowNoise | None, resolution_mps: float) -> Quantity:
     """The steady speed's standard deviation about a line, mm/s."""
     if noise is None:
         return Quantity.unknown("mm/s", "the steady window has too few rows")
-    if noise.spread == 0.0:
+    # Equal counts over rounded times leave a spread of rounding errors.
+    if noise.spread <= 1e-6 * resolution_mps:
         return Quantity(0.0, "mm/s", (0.0, 1000.0 * 0.5 * resolution_mps))
     low, high = noise.spread_interval()
     return Quantity(1000.0 * noise.spread, "mm/s", (1000.0 * low, 1000.0 * high))
@@ -138,6 +140,11 @@ class Response:
             return Quantity.unknown("s", one), Quantity.unknown("s", one)
         low, high = self._margins(one, one.first_s)
         time_constant = self._with_interval(one.first_s, low, high)
+        if time_constant.ci95 is not None and time_constant.ci95[1] > LARGEST_RATIO * time_constant.ci95[0]:
+            reason = (
+                f"not pinned down: {one.first_s:.2g} s, anything up to {time_constant.ci95[1]:.2g} s fits"
+            )
+            return Quantity.unknown("s", reason), Quantity.unknown("s", reason)
         third = self._crossing(ONE_THIRD)
         if isinstance(third, str):
             return time_constant, Quantity.unknown("s", third)
@@ -145,7 +152,7 @@ class Response:
         early, late = self._margins(third, one.first_s)
         down = math.hypot(1.5 * early, 0.5 * high)
         up = math.hypot(1.5 * late, 0.5 * low)
-        return time_constant, self._with_interval(dead, down, up)
+        return time_constant, self._with_interval(max(dead, 0.0), down + min(dead, 0.0), up + min(dead, 0.0))
 
     def _crossing(self, share: float) -> _Crossing | str:
         above = self.gone >= share
@@ -194,7 +201,10 @@ class Response:
         return half + chord, half + chord + unsettled + crossing.last_s - crossing.first_s
 
     def _with_interval(self, value: float, down: float, up: float) -> Quantity:
-        return Quantity(value, "s", None if self.noise is None else (value - down, value + up))
+        """A time and its interval, s; no time is below zero."""
+        if self.noise is None:
+            return Quantity(value, "s", None)
+        return Quantity(value, "s", (max(value - down, 0.0), max(value + up, 0.0)))
 
     def excursions(self) -> tuple[Quantity, Quantity]:
         """Overshoot and undershoot, per cent of the change of speed."""

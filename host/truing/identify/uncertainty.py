@@ -86,6 +86,25 @@ def half_widths(
     return np.asarray(deviation * _studentised_quantile(runs, found, inverse))
 
 
+def rounding_half_widths(jacobian: FloatArray, weight: FloatArray, resolution_mps: float) -> FloatArray:
+    """Half widths (p,) that the rounding of the speed causes by itself: no interval is narrower.
+
+    A row of counts that happens to repeat itself leaves no residual, and yet its speed is known to half a
+    count at either end of its interval only (variance of the difference of two uniform errors: 1/6).
+
+    Parameters
+    ----------
+    jacobian, weight : as in `half_widths`.
+    resolution_mps : smallest step that the speed can show.
+    """
+    weighted = jacobian * weight[:, None]
+    inverse = np.linalg.pinv(weighted.T @ weighted)
+    # An error of a row enters by its squared weight.
+    spread = (jacobian * weight[:, None] ** 2) @ inverse
+    deviation = resolution_mps / np.sqrt(6.0) * np.sqrt(np.sum(spread**2, axis=0))
+    return np.asarray(MIN_QUANTILE * deviation)
+
+
 def _studentised_quantile(runs: list[_RunBlocks], found: NoiseModel, inverse: FloatArray) -> FloatArray:
     """What the error is of its own estimated deviation, at 95 %, shape (p,), by repetition."""
     rng = np.random.default_rng(SEED)

@@ -4,8 +4,8 @@ Example::
 
     [columns]
     t_s = { column = "time", scale = 1e-3 }           # milliseconds
-    effort_left = { column = "leftMode", scale = 0.00392 }
-    effort_right = { column = "rightMode", scale = 0.00392 }
+    effort_left = { column = "leftPwm", scale = 0.00392 }
+    effort_right = { column = "rightPwm", scale = 0.00392 }
     ticks_left = "leftEncoder"
     ticks_right = "rightEncoder"
 

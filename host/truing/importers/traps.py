@@ -298,9 +298,9 @@ def _unequal_sides(tests: Sequence[ForeignTest]) -> Finding | None:
         return None
     listed = ", ".join(f"{ratio:.2f}" for ratio in ratios)
     if len(ratios) > 1 and np.ptp(ratios) < SIDE_TOLERANCE * abs(float(np.mean(ratios))):
-        cause = "the same each time, so that gearing, radius or counts per revolution differ"
+        cause = "the same each time, so that gearing, radius, counts per revolution or the two motors differ"
     elif len(ratios) > 1:
-        cause = "from test to test: one encoder miscounts, or the robot turned"
+        cause = "from test to test: one encoder miscounts, the two motors differ, or the robot turned"
     else:
-        cause = "in the only straight test: one encoder is off, or the robot turned"
+        cause = "in the only straight test: one encoder is off, the two motors differ, or the robot turned"
     return Finding("unequal_sides", f"right travel over left travel is {listed} {cause}")

@@ -13,10 +13,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from truing.errors import BaselineError, OutputError, TruingError
+from truing.errors import BaselineError, TruingError
 from truing.model.wheel import WheelPhysics
 from truing.recording.baseline import RobotGeometry
 from truing.recording.run import Wheel
+from truing.recording.writer import replace_file
 
 SCHEMA = 1
 
@@ -93,11 +94,8 @@ class RobotModel:
         return found
 
     def save(self, path: str | Path) -> None:
-        """Write the file."""
-        try:
-            Path(path).write_text(self.to_toml(), encoding="utf-8")
-        except OSError as error:
-            raise OutputError(path, f"cannot be written: {error.strerror}") from None
+        """Write the file, and the folders above it that are missing."""
+        replace_file(path, self.to_toml().encode("utf-8"))
 
 
 def parse_robot_model(text: str, path: str | Path = "model.toml") -> RobotModel:

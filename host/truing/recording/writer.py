@@ -88,6 +88,29 @@ def replace_file(path: str | Path, data: bytes) -> None:
                 Path(temporary).unlink()
 
 
+def check_output(path: str | Path, *, folder: bool = False) -> None:
+    """Stop before long work where its result could not be written; missing folders are made when it is.
+
+    Parameters
+    ----------
+    folder : `path` is a folder for several files.
+
+    Raises
+    ------
+    OutputError : says which folder or file is in the way.
+    """
+    path = Path(path)
+    if path.exists() and path.is_dir() != folder:
+        raise OutputError(path, "is a file, not a folder" if folder else "is a folder, not a file")
+    above = path if folder else path.parent
+    while not above.exists() and above != above.parent:
+        above = above.parent
+    if not above.is_dir():
+        raise OutputError(path, f"cannot be written: {above} is no folder")
+    if not os.access(above, os.W_OK | os.X_OK):
+        raise OutputError(path, f"cannot be written: no permission in {above}")
+
+
 def _to_csv(run: Run) -> str:
     names = list(run.order) or [*run.columns, *(["mode"] if run.mode is not None else []), *run.text_columns]
     cells = [_cells(run, name) for name in names]

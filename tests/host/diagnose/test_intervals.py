@@ -99,3 +99,16 @@ def test_two_lags_of_one_length_are_both_there() -> None:
     found = intervals(robot(EIGHT_RUNS, "driver_lag", true, 2), "driver_lag", true)["time_constant"]
     assert holds(found, true["time_constant"])
     assert found.ci95[0] > 0.3 * true["time_constant"]
+
+
+@pytest.mark.parametrize("effect", ["winding_heating", "stribeck_friction", "coast_decay"])
+def test_no_interval_leaves_what_is_physically_possible(effect: str) -> None:
+    data = robot(EIGHT_RUNS[:4], "coulomb_friction", {"left": 0.03, "right": 0.03}, 1)
+    stage = initial_fit(data, SetSimulator(data))
+    done = fit(stage.problem, (effect,), stage.base.theta, iterations=2)
+    nothing_known = 1e6 * np.eye(done.size)
+    found = effect_parameters(stage.problem, done, effect, nothing_known)
+    if effect == "winding_heating":
+        assert found["thermal_time_constant"].ci95 == (5.0, 2000.0)
+    for name, number in found.items():
+        assert 0.0 <= number.ci95[0] <= number.value <= number.ci95[1], name

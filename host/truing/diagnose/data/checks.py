@@ -12,7 +12,6 @@ from truing.arrays import BoolArray
 from truing.diagnose.data.input_checks import (
     MIN_EFFORT,
     STEPS_ADVICE,
-    check_efforts,
     check_excitation,
     check_signs,
     check_time,
@@ -23,6 +22,7 @@ from truing.diagnose.data.valid_rows import Pair, jumps, moves, valid_rows, whee
 from truing.diagnose.result import Check, Severity
 from truing.errors import IdentifyError
 from truing.identify.data_checks import Finding, check_set
+from truing.identify.effort_checks import refuse_efforts
 from truing.recording.baseline import Baseline
 from truing.recording.run import MINIMUM_ROWS, TRUTH_COLUMNS, WHEELS, RecordingSet, Run, Wheel
 
@@ -85,7 +85,7 @@ def check_data(recordings: RecordingSet) -> DataChecks:
         raise IdentifyError(f"{recordings.path or recordings.name}: there is no run in it")
     for run in recordings:
         check_time(run)
-        check_efforts(run)
+    refuse_efforts(recordings)
     speeds = [wheel_speeds(run, baseline) for run in recordings]
     check_units(recordings, baseline, speeds)
     check_signs(recordings, speeds)

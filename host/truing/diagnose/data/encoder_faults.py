@@ -58,9 +58,13 @@ class EncoderFault:
         text = (
             f"reads {100.0 * low:.0f} to {100.0 * high:.0f} % of the {self.other} wheel from run to run "
             f"under the same effort, and fluctuates by {100.0 * self.fluctuation:.0f} % at steady speed: its "
-            "encoder loses counts; the wheel's own motion is unknown"
+            "encoder loses counts, or the two motors are not alike (another motor, a driver that limits, a "
+            "wheel that binds); from these recordings the two cannot be told apart"
         )
-        step = "Look at the encoder's disc, coupling and leads; turn the wheel ten times by hand and count"
+        step = (
+            "Turn the wheel ten times by hand and count: right counts clear the encoder, and the motor or "
+            "its driver is the cause; else look at the encoder's disc, coupling and leads"
+        )
         return Check("encoder", text, "warning", step, None, self.wheel)
 
 
@@ -168,7 +172,8 @@ def _span(wheel: Wheel, ratio: _RunRatio, total: float) -> MismatchSpan:
         f"{100.0 * ratio.share:.0f} % of the other wheel, fluctuating by {100.0 * ratio.fluctuation:.0f} %"
     )
     share = ratio.error_energy / max(total, 1e-12)
-    return MismatchSpan(ratio.run, f"vel_{wheel}_mps", *ratio.times_s, share, f"{regime}: lost counts")
+    regime += ": lost counts, or another motor"
+    return MismatchSpan(ratio.run, f"vel_{wheel}_mps", *ratio.times_s, share, regime)
 
 
 def _numbers_of(parameters: Mapping[str, EffectParameter], wheel: Wheel) -> str:

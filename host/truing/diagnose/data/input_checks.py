@@ -14,8 +14,6 @@ from truing.recording.run import WHEELS, RecordingSet, Run
 
 # docs/DATA_FORMAT.md, section 2: 1 Hz to 2 kHz; beyond, the unit of time is wrong.
 INTERVALS_S = (2.5e-4, 2.0)
-# A fraction of supply may overshoot 1 by rounding; volts and per cent do not stop there.
-MAX_EFFORT = 1.05
 # Efforts below this are no excitation.
 MIN_EFFORT = 0.02
 # Speed over what the baseline expects, in driven rows: beyond this factor the unit is wrong, not the model.
@@ -53,23 +51,6 @@ def check_time(run: Run) -> None:
         column="t_s",
         next_step="Write t_s in seconds, or let `truing import` convert the file",
     )
-
-
-def check_efforts(run: Run) -> None:
-    """Raise for volts or per cent in place of a fraction of the supply."""
-    for wheel in WHEELS:
-        sizes = np.abs(run.effort(wheel))
-        if np.percentile(sizes, 98.0) <= MAX_EFFORT:
-            continue
-        row = int(sizes.argmax())
-        unit = "per cent" if sizes[row] > 30.0 else "volts"
-        raise RecordingError(
-            _place(run),
-            f"effort reaches {sizes[row]:.4g}; it is a fraction of the supply, -1 to 1: are these {unit}?",
-            column=f"effort_{wheel}",
-            row=row + 1,
-            next_step="Divide volts by the supply voltage, per cent by 100",
-        )
 
 
 def _driven(effort: FloatArray) -> BoolArray:

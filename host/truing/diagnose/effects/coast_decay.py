@@ -68,5 +68,6 @@ EFFECT = Effect(
     report=_report,
     from_baseline=_from_baseline,
     units={"time_constant": "s"},
+    non_negative=("time_constant",),
     exercised=_exercised,
 )

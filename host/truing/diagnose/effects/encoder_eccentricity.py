@@ -106,5 +106,6 @@ EFFECT = Effect(
     report=_report,
     from_baseline=_from_baseline,
     units={"amplitude_left": "rad", "amplitude_right": "rad"},
+    non_negative=("amplitude_left", "amplitude_right"),
     exercised=_exercised,
 )

@@ -72,6 +72,7 @@ EFFECT = Effect(
     report=_report,
     from_baseline=_from_baseline,
     units={"slope": "rad", "uphill_heading": "rad"},
+    non_negative=("slope",),
     exercised=_exercised,
     step_share=0.08,
 )

@@ -84,6 +84,7 @@ EFFECT = Effect(
     report=_report,
     from_baseline=_from_baseline,
     units={"breakaway_left": "effort", "breakaway_right": "effort"},
+    non_negative=("breakaway_left", "breakaway_right"),
     exercised=_exercised,
     step_share=0.025,
 )

@@ -98,6 +98,7 @@ EFFECT = Effect(
     report=_report,
     from_baseline=_from_baseline,
     units={"amplitude_left": "effort", "amplitude_right": "effort"},
+    non_negative=("amplitude_left", "amplitude_right"),
     exercised=_exercised,
     step_share=0.03,
     settles=False,

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
+from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.present.text import alternatives, effect_title, joined
-from truing.diagnose.result import Diagnosis, NamedEffect
+from truing.diagnose.result import Diagnosis, EffectParameter, NamedEffect
 from truing.exporters.source import from_baseline
 from truing.model.robot_model import RobotModel
 from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
@@ -48,9 +50,9 @@ def corrected_model(diagnosis: Diagnosis, baseline: Baseline) -> CorrectedModel:
     effects: dict[str, dict[str, Any]] = {name: dict(table) for name, table in baseline.effects.items()}
     if diagnosis.verdict != "consistent":
         for name, parameters in diagnosis.baseline_effects.items():
-            effects[name] = {key: item.value for key, item in parameters.items()}
+            effects[name] = _complete(name, parameters, baseline)
     for effect in chosen:
-        effects[effect.name] = {name: item.value for name, item in effect.parameters.items()}
+        effects[effect.name] = _complete(effect.name, effect.parameters, baseline)
     left, right = (_wheel(diagnosis, baseline, side) for side in ("left", "right"))
     robot = baseline.robot
     if "wheelbase_error" in effects and robot is not None and robot.wheelbase_m is not None:
@@ -66,6 +68,15 @@ def corrected_model(diagnosis: Diagnosis, baseline: Baseline) -> CorrectedModel:
         source["added"] = joined(named)
     model = replace(model, robot=corrected.robot or RobotGeometry(), source=source)
     return CorrectedModel(corrected, model, (*notes, *unused))
+
+
+def _complete(name: str, parameters: Mapping[str, EffectParameter], baseline: Baseline) -> dict[str, Any]:
+    """The table of an effect; a wheel that was not diagnosed keeps the baseline's, or has no effect."""
+    numbers = {"gain_left": baseline.left.gain_mps, "gain_right": baseline.right.gain_mps}
+    numbers |= {"tau_left": baseline.left.time_constant_s, "tau_right": baseline.right.time_constant_s}
+    entry = CATALOGUE[name]
+    absent = entry.reported({item.name: item.off for item in entry.parameters} | numbers)
+    return absent | baseline.effects.get(name, {}) | {key: item.value for key, item in parameters.items()}
 
 
 def chosen_effects(diagnosis: Diagnosis) -> tuple[NamedEffect, ...]:

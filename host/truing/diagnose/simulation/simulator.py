@@ -142,6 +142,15 @@ class SetSimulator:
         values |= {name: float(plain[k]) for k, name in enumerate(self.layout.names[:4])}
         return self.catalogue[effect].reported(values)
 
+    def range_of(self, effect: str, name: str) -> tuple[float, float]:
+        """Smallest and largest value that a reported parameter of an effect can have, in its unit."""
+        entry = self.catalogue[effect]
+        for k, item in enumerate(entry.parameters):
+            if item.name == name:
+                scale = float(self.layout.scale[self._offsets[effect] + k])
+                return item.lower * scale, item.upper * scale
+        return (0.0 if name in entry.non_negative else -math.inf), math.inf
+
     def units(self, effect: str) -> dict[str, str]:
         """Units of what `report` gives."""
         entry = self.catalogue[effect]
