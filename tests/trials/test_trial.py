@@ -18,6 +18,7 @@ from truing.trial.figures import bounds
 from truing.trial.order import tasks
 from truing.trial.score import judge, judge_method
 from truing.trial.seal import open_seal, seal
+from truing.trial.sealed_process import family_of
 from truing.trial.spec import PLAN_NAMES, draw_trial, with_strengths
 
 CATALOGUE_SIZE = 27
@@ -100,6 +101,10 @@ def test_verdicts_are_worth_what_the_bars_ask_for() -> None:
     assert judge("missing_physics", ("a", "b", "c"), "two", ("a", "b")).named
     assert not judge("missing_physics", ("a", "b", "c", "d"), "two", ("a", "b")).named
     assert not judge("missing_physics", ("a",), "two", ("a", "b")).named
+    several = judge("partly_explained", ("a", "b", "c", "d"), "several", ("a", "b", "c"), sure=("a", "b"))
+    assert several.named
+    assert not several.confidently_wrong
+    assert judge("partly_explained", ("a", "x"), "several", ("a", "b", "c"), sure=("x",)).confidently_wrong
     assert judge("parameters_only", (), "null", ()).right
     assert judge("missing_physics", ("a",), "null", ()).confidently_wrong
     assert judge("unexplained", (), "outside", ("x",)).right
@@ -134,6 +139,13 @@ def test_any_beginning_of_a_campaign_is_balanced(trials: int) -> None:
     weak = [each.weak for each in some if each.weak is not None]
     assert abs(2 * sum(weak) - len(weak)) <= 1
     assert some == tasks(470, 1)[:trials]
+
+
+def test_the_block_of_several_conceals_three_and_four_effects_at_once() -> None:
+    every = tasks(60, 1, "several")
+    assert {each.effect for each in every} == {"several"}
+    numbers = {len(draw_trial(each.seed, family_of(each.effect)[0]).names) for each in every}
+    assert numbers == {3, 4}
 
 
 def test_the_last_block_shares_no_seed_with_any_campaign() -> None:

@@ -17,7 +17,7 @@ Block: TypeAlias = Literal["main", "last"]
     "--effect",
     default="random",
     show_default=True,
-    help="What to conceal: random, pair, outside, none, or effects by name (two with a comma between).",
+    help="What to conceal: random, pair, several, outside, none, or effects by name, with commas between.",
 )
 @click.option(
     "--seed", type=click.IntRange(0), default=1, show_default=True, help="Decides all that is drawn."
@@ -43,10 +43,11 @@ Block: TypeAlias = Literal["main", "last"]
 )
 @click.option(
     "--block",
-    type=click.Choice(["main", "last"]),
+    type=click.Choice(["main", "last", "several"]),
     default="main",
     show_default=True,
-    help="Seeds of a campaign; those of `last` are for one evaluation, after all tuning.",
+    help="Trials of a campaign: seeds of `last` are for one evaluation, after all tuning; `several` conceals "
+    "three and four effects at once.",
 )
 @click.option(
     "--minutes", type=click.FloatRange(0.0), help="A campaign begins no trial after so many minutes."
@@ -90,7 +91,7 @@ def command(
     from truing.workspace import out_folder
 
     if campaign is not None:
-        folder = out or out_folder() / "trials" / f"campaign-{seed}{'-last' if block == 'last' else ''}"
+        folder = out or out_folder() / "trials" / f"campaign-{seed}{'' if block == 'main' else f'-{block}'}"
         _campaign(app, campaign, seed, folder, jobs=jobs, block=block, minutes=minutes, table=table)
         return
     from truing.trial.campaign import score

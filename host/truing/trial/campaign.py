@@ -119,7 +119,7 @@ def score(asked: Asked, result: TrialResult, place: Path) -> Score:
     hidden = tuple(str(each["name"]) for each in answer["effects"])
     family = str(answer["family"])
     first = result.first.diagnosis
-    worth = judge(first.verdict, names_of(first), family, hidden)
+    worth = judge(first.verdict, names_of(first), family, hidden, sure_names_of(first))
     later = [(one.diagnosis.verdict, names_of(one.diagnosis)) for one in result.more]
     is_ambiguous = first.verdict == "ambiguous" and worth.named and family in IN_CATALOGUE
     began = time.process_time()
@@ -163,6 +163,12 @@ def score(asked: Asked, result: TrialResult, place: Path) -> Score:
 def names_of(diagnosis: Diagnosis) -> tuple[str, ...]:
     """The effects that a verdict names."""
     return tuple(dict.fromkeys(effect.name for effect in diagnosis.effects))
+
+
+def sure_names_of(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Of the effects that a verdict names, those without an alternative."""
+    sure = (effect.name for effect in diagnosis.effects if not effect.indistinguishable_from)
+    return tuple(dict.fromkeys(sure))
 
 
 def read_scores(store: Path) -> dict[tuple[str, int], Score]:

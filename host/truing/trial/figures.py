@@ -104,13 +104,15 @@ def separable(score: Score) -> bool:
 
 def figures(scores: Sequence[Score]) -> list[Figure]:
     """All figures of a campaign, in the order of their bars."""
-    one, two, null, outside = (
-        [each for each in scores if each.family == name] for name in ("one", "two", "null", "outside")
+    one, two, several, null, outside = (
+        [each for each in scores if each.family == name]
+        for name in ("one", "two", "several", "null", "outside")
     )
+    within = one + two + several
     full = [each for each in one if is_full(each)]
     weak = [each for each in one if not is_full(each)]
-    inside = [held for each in one + two for held in each.measured.get("inside", {}).values()]
-    named = [each for each in one + two if each.named]
+    inside = [held for each in within for held in each.measured.get("inside", {}).values()]
+    named = [each for each in within if each.named]
     resolved_ambiguities = [each.resolved for each in scores if each.resolved is not None]
     rights = [each for each in named if each.verdict == "missing_physics"]
     return [
@@ -123,6 +125,8 @@ def figures(scores: Sequence[Score]) -> list[Figure]:
         share_of("one effect: verdict `ambiguous`", [e.verdict == "ambiguous" for e in one], None),
         share_of("all trials: verdict `ambiguous`", [e.verdict == "ambiguous" for e in scores], None),
         share_of("two effects: both named, one extra at most", [e.named for e in two], 0.75),
+        share_of("three or four effects: all named, at most as many extra", [e.named for e in several], 0.60),
+        share_of("three or four: no false positive", [not e.confidently_wrong for e in several], 0.95),
         share_of("nothing concealed: no false positive", [e.right for e in null], 0.98),
         share_of("confidently wrong", [e.confidently_wrong for e in scores], 0.02, is_max=True),
         share_of("outside the catalogue: `unexplained`", [e.right for e in outside], None),
@@ -132,8 +136,8 @@ def figures(scores: Sequence[Score]) -> list[Figure]:
         median_of("outside: spans' share of what no refit takes away", _value(outside, "left_covered"), None),
         median_of("outside: share of the spans that is that", _value(outside, "left_share"), None),
         share_of("effective parameter inside its 95 % interval", inside, 0.90, upper=0.99),
-        median_of("gap closed, other excitation", _value(one + two, "gap_closed"), 0.9),
-        median_of("gap closed from the refitted baseline", _value(one + two, "gap_closed_refitted"), None),
+        median_of("gap closed, other excitation", _value(within, "gap_closed"), 0.9),
+        median_of("gap closed from the refitted baseline", _value(within, "gap_closed_refitted"), None),
         share_of("no harm on other excitation", [h <= HARM for h in _value(scores, "harm")], 0.99),
         median_of("held-out error over noise floor", _value(named, "over_floor"), 1.15, is_max=True),
         median_of("noise floor over the true noise", _value(scores, "true_over_floor"), None),
@@ -160,6 +164,7 @@ def by_method(scores: Sequence[Score]) -> dict[str, list[tuple[str, int, int]]]:
         ("one, full", lambda s: s.family == "one" and is_full(s), False),
         ("one, weak", lambda s: s.family == "one" and not is_full(s), False),
         ("two", lambda s: s.family == "two", False),
+        ("three or four", lambda s: s.family == "several", False),
         ("nothing concealed", lambda s: s.family == "null", False),
         ("outside", lambda s: s.family == "outside", False),
         ("confidently wrong", lambda _: True, True),

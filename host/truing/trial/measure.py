@@ -19,6 +19,7 @@ from truing.trial.comparators.picker import picker
 from truing.trial.comparators.sparse import sparse
 from truing.trial.comparators.sysid import sysid
 from truing.trial.effects import ALL
+from truing.trial.score import IN_CATALOGUE
 from truing.trial.true_model import TrueModel
 
 # Rivals of the concealed effect that are refitted to noise-free output.
@@ -75,7 +76,7 @@ class Measured:
 
 def measure(true_model: TrueModel, diagnosis: Diagnosis) -> Measured:
     """Compare one diagnosis with the truth."""
-    known = str(true_model.answer["family"]) in ("one", "two")
+    known = str(true_model.answer["family"]) in IN_CATALOGUE
     opinions = {
         "regression with sign": sysid(true_model.real),
         "sparse regression": sparse(true_model.real),

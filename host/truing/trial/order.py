@@ -15,10 +15,12 @@ import numpy as np
 
 from truing.trial.effects import CATALOGUE, OUTSIDE
 
-Block = Literal["main", "last"]
+Block = Literal["main", "last", "several"]
 
 # Of 470 trials: ten for each of 27 effects, the healthy, the pairs, and those that no catalogue has.
 SHARES = {"random": 270, "none": 100, "pair": 60, "outside": 40}
+# The block `several` has a campaign of its own: three and four effects at once.
+SEVERAL_SHARES = {"several": 60}
 # One in so many goes through the flashed image; with the shares above no kind is passed over.
 ON_BOARD_EVERY = 10
 # Seeds of the last block lie beyond all others.
@@ -38,15 +40,20 @@ class Task:
 
 
 @functools.cache
-def _kinds(trials: int) -> tuple[str, ...]:
-    total = sum(SHARES.values())
-    counts = dict.fromkeys(SHARES, 0)
+def _kinds(trials: int, block: Block) -> tuple[str, ...]:
+    shares = _shares(block)
+    total = sum(shares.values())
+    counts = dict.fromkeys(shares, 0)
     kinds = []
     for number in range(trials):
-        kind = max(SHARES, key=lambda name: SHARES[name] * (number + 1) / total - counts[name])
+        kind = max(shares, key=lambda name: shares[name] * (number + 1) / total - counts[name])
         counts[kind] += 1
         kinds.append(kind)
     return tuple(kinds)
+
+
+def _shares(block: Block) -> dict[str, int]:
+    return SEVERAL_SHARES if block == "several" else SHARES
 
 
 def tasks(trials: int, seed: int, block: Block = "main") -> list[Task]:
@@ -54,16 +61,17 @@ def tasks(trials: int, seed: int, block: Block = "main") -> list[Task]:
 
     Parameters
     ----------
-    block : `last` has seeds that no other campaign has, for one evaluation, after all tuning.
+    block : `last` has seeds that no other campaign has, for one evaluation, after all tuning; `several`
+        three and four effects at once.
     """
     first = seed * _PER_CAMPAIGN + (_LAST if block == "last" else 0)
     rng = np.random.default_rng([first, 0x6F72646572])
     inside, outside = sorted(CATALOGUE), sorted(OUTSIDE)
     rng.shuffle(inside)
     rng.shuffle(outside)
-    counts = dict.fromkeys(SHARES, 0)
+    counts = dict.fromkeys(_shares(block), 0)
     out = []
-    for number, kind in enumerate(_kinds(trials)):
+    for number, kind in enumerate(_kinds(trials, block)):
         at = counts[kind]
         counts[kind] += 1
         effect, weak = kind, None

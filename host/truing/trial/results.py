@@ -15,6 +15,8 @@ from truing.trial.figures import Figure, bounds, by_method, figures
 from truing.trial.order import Block
 from truing.trial.score import Score
 
+# Rows of the table of verdicts for sets of effects.
+_SETS = {"two": "two effects", "several": "three or four effects"}
 _STRENGTHS = (0.3, 0.5, 1.0, 2.0, 4.0, math.inf)
 
 
@@ -30,7 +32,7 @@ def to_json(scores: Sequence[Score]) -> dict[str, Any]:
 
 def to_markdown(scores: Sequence[Score], *, trials: int, seed: int, block: Block) -> str:
     """The campaign as a page."""
-    last = " --block last" if block == "last" else ""
+    last = "" if block == "main" else f" --block {block}"
     lines = [
         f"# Concealed trials: {len(scores)} of {trials}",
         "",
@@ -155,7 +157,7 @@ def _confusion_rows(scores: Sequence[Score]) -> list[str]:
     groups: dict[str, list[Score]] = {}
     for each in scores:
         title = " + ".join(sorted(each.hidden)) or "nothing"
-        groups.setdefault("two effects" if each.family == "two" else title, []).append(each)
+        groups.setdefault(_SETS.get(each.family, title), []).append(each)
     rows = []
     for name, group in sorted(groups.items()):
         said = Counter(f"{one.verdict}: {', '.join(one.said) or '-'}" for one in group)

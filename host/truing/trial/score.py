@@ -10,7 +10,7 @@ from typing import Any
 NAMED = ("missing_physics", "partly_explained", "ambiguous")
 NO_EFFECT_NAMED = ("consistent", "parameters_only")
 MAX_AMBIGUOUS = 3
-IN_CATALOGUE = ("one", "two")
+IN_CATALOGUE = ("one", "two", "several")
 # A place is right when the spans hold this much of the effect's energy, and are this much of it.
 PLACE_RIGHT = 0.5
 # A model that is worse than the baseline by more than this share does harm.
@@ -24,7 +24,8 @@ class Score:
     Attributes
     ----------
     effect, seed, weak, on_board : what was asked for.
-    named : the concealed effect is named, alone or among three at most; of a pair both, one extra at most.
+    named : the concealed effect is named, alone or among three at most; of a pair both, one extra at most; of
+        several all, at most as many extra.
     named_alone : `missing_physics` with exactly what was concealed.
     confidently_wrong : `missing_physics` with an effect that is not there.
     right : what the family of the trial asks for.
@@ -90,12 +91,24 @@ class Judgement:
     right: bool
 
 
-def judge(kind: str, said: tuple[str, ...], family: str, hidden: tuple[str, ...]) -> Judgement:
-    """Compare a verdict and its names with what was concealed."""
+def judge(
+    kind: str,
+    said: tuple[str, ...],
+    family: str,
+    hidden: tuple[str, ...],
+    sure: tuple[str, ...] | None = None,
+) -> Judgement:
+    """Compare a verdict and its names with what was concealed.
+
+    Parameters
+    ----------
+    sure : those of `said` that are named without an alternative; all where None.
+    """
     there = set(hidden) if family in IN_CATALOGUE else set()
     every = bool(there) and there <= set(said) and kind in NAMED
     extras = len(set(said) - there)
-    named = every and (len(set(said)) <= MAX_AMBIGUOUS if family == "one" else extras <= 1)
+    max_extras = {"one": MAX_AMBIGUOUS - 1, "two": 1}.get(family, len(there))
+    named = every and extras <= max_extras
     if family == "null":
         right = kind in NO_EFFECT_NAMED
     elif family == "outside":
@@ -106,7 +119,7 @@ def judge(kind: str, said: tuple[str, ...], family: str, hidden: tuple[str, ...]
     return Judgement(
         named=named,
         named_alone=certain and bool(there) and set(said) == there,
-        confidently_wrong=certain and not set(said) <= there,
+        confidently_wrong=certain and not set(said if sure is None else sure) <= there,
         right=right,
     )
 

@@ -35,12 +35,18 @@ def family_of(effect: str) -> tuple[Family, tuple[str, ...] | None]:
     """Return what `--effect` asks for: a family to draw from, or effects by name."""
     from truing.trial.effects import OUTSIDE
 
-    families: dict[str, Family] = {"random": "one", "pair": "two", "none": "null", "outside": "outside"}
+    families: dict[str, Family] = {
+        "random": "one",
+        "pair": "two",
+        "several": "several",
+        "none": "null",
+        "outside": "outside",
+    }
     if effect in families:
         return families[effect], None
     names = tuple(effect.split(","))
     if len(names) > 1:
-        return "two", names
+        return ("two" if len(names) == 2 else "several"), names
     return ("outside" if effect in OUTSIDE else "one"), names
 
 

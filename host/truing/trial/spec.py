@@ -13,7 +13,7 @@ from truing.plan import Kind, Plan, Segment, load_plan
 from truing.trial.effects import ALL, CATALOGUE, OUTSIDE
 from truing.trial.robot import Robot, draw_robot
 
-Family: TypeAlias = Literal["one", "two", "null", "outside"]
+Family: TypeAlias = Literal["one", "two", "several", "null", "outside"]
 Driving: TypeAlias = Literal["whole", "partial", "ordinary"]
 
 # In the order in which they are driven: charge, heat and wheel angles run on from one to the next.
@@ -36,6 +36,8 @@ PLAN_NAMES = tuple(
     )
 )
 BASELINE_OFF = 0.08
+# Of the family `several`: effects at once, from the first number to one less than the second.
+SEVERAL = (3, 5)
 FULL_STRENGTH = (1.0, 8.0)
 WEAK_STRENGTH = (0.3, 1.0)
 _LOOSE_RESTING_MPS = 0.03
@@ -169,7 +171,10 @@ def _names(rng: np.random.Generator, family: Family) -> tuple[str, ...]:
     if family == "null":
         return ()
     pool = sorted(OUTSIDE) if family == "outside" else sorted(CATALOGUE)
-    number = 2 if family == "two" else 1
+    if family == "several":
+        number = int(rng.integers(*SEVERAL))
+    else:
+        number = 2 if family == "two" else 1
     return tuple(str(name) for name in rng.choice(pool, number, replace=False))
 
 
