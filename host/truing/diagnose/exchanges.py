@@ -9,7 +9,12 @@ from __future__ import annotations
 
 from truing.diagnose.compare import largest_difference
 from truing.diagnose.fit import Fit, fit
+from truing.diagnose.intervals import covariance, not_different_from_absent
+from truing.diagnose.ordered_errors import plain_fit
 from truing.diagnose.search import Search, effect_set
+from truing.diagnose.stepwise import ends_at_a_limit
+from truing.diagnose.unseen_runs import NEGLIGIBLE, UnseenRuns
+from truing.diagnose.verdict import is_named
 
 # An effect is exchanged for others, so many at most, whose simulation by themselves differs from its own by
 # at most this share of what it changes.
@@ -29,6 +34,46 @@ def with_exchanges(search: Search, best: Fit, single_fits: Search) -> Search:
             for other in _alternatives(single_fits, name, best):
                 _fit_exchanged(search, best, name, other)
     return search
+
+
+def best_exchange(search: Search, best: Fit) -> Fit:
+    """`best`, or the model with one effect exchanged that has a clearly smaller error on runs left out.
+
+    Where a model leaves more than noise no noise model is right, and of models that are about as likely the
+    one with the smaller free-run error is better for what it is used for.
+    """
+    problem = search.problem
+    if not best.effects or not problem.exceeds_noise(best.residual.speeds):
+        return best
+    plain = problem.plain(problem.free_run_rmse(best.residual.speeds))
+    unseen = UnseenRuns(plain)
+    limit = (1.0 - NEGLIGIBLE) * _plain_error(search, best)
+    better = [one for one in _exchanged(search, best) if _plain_error(search, one) < limit]
+    benefits = [(unseen.benefit(one, best), one) for one in better if _is_sound(search, one)]
+    benefit, one = max(benefits, key=lambda item: item[0], default=(0.0, best))
+    return one if benefit > NEGLIGIBLE else best
+
+
+def _exchanged(search: Search, best: Fit) -> list[Fit]:
+    """Fits that share all but one effect with `best`."""
+    own = set(best.effects)
+    return [one for one in search.ranked(len(own)) if len(own & set(one.effects)) == len(own) - 1]
+
+
+def _plain_error(search: Search, one: Fit) -> float:
+    """Free-run error of a structure fitted by plain least squares, m/s."""
+    problem = search.problem
+    return problem.free_run_rmse(plain_fit(problem, one, one).residual.speeds)
+
+
+def _is_sound(search: Search, one: Fit) -> bool:
+    """Whether every effect is significant, differs from its absence, and ends within its range."""
+    problem = search.problem
+    return (
+        is_named(search, one, search.fits[()])
+        and not any(ends_at_a_limit(problem, one, name) for name in one.effects)
+        and not not_different_from_absent(problem, one, covariance(problem, one))
+    )
 
 
 def _alternatives(single_fits: Search, name: str, best: Fit) -> list[Fit]:

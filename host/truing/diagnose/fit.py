@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from truing.arrays import FloatArray
-from truing.diagnose.problem import CLIP, Column, Problem, Residual
+from truing.diagnose.problem import Column, Problem, Residual
 from truing.identify.levenberg import minimise
 
 
@@ -69,15 +69,14 @@ def fit(
         return problem.residual(theta_at(x), effects).flat()
 
     def jacobian(x: FloatArray, flat: FloatArray) -> FloatArray:
-        # d flat / d e of the clipped part is CLIP / |flat|.
-        slope = CLIP / np.maximum(np.abs(flat), CLIP)
-        return np.asarray(problem.jacobian(theta_at(x), effects, columns) * slope[:, None])
+        return np.asarray(
+            problem.jacobian(theta_at(x), effects, columns) * problem.loss_slopes(flat)[:, None]
+        )
 
-    first = np.array([start[column.entries[0]] for column in columns])
     end = minimise(
         residual,
         jacobian,
-        first,
+        np.array([start[column.entries[0]] for column in columns]),
         np.array([column.lower for column in columns]),
         np.array([column.upper for column in columns]),
         iterations=iterations,

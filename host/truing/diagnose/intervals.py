@@ -19,7 +19,7 @@ from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.compare import SIGNIFICANT_GAIN, row_blocks
 from truing.diagnose.distributions import CHI2_95, NORMAL_975, student_quantile
 from truing.diagnose.fit import Fit, fit
-from truing.diagnose.problem import CLIP, Problem
+from truing.diagnose.problem import Problem
 from truing.diagnose.result import EffectParameter
 
 # Runs needed for a variance between runs. Pose windows per cluster: more than any run has.
@@ -36,7 +36,7 @@ def covariance(problem: Problem, done: Fit) -> FloatArray:
     """Covariance of the free parameters (p, p): the likelihood's correlations, variances of all sources."""
     flat = done.residual.flat()
     raw = problem.jacobian(done.theta, done.effects, done.columns)
-    jacobian = raw * (CLIP / np.maximum(np.abs(flat), CLIP))[:, None]
+    jacobian = raw * problem.loss_slopes(flat)[:, None]
     scale = np.sqrt(np.maximum(np.sum(jacobian**2, axis=0), 1e-12))
     unit = jacobian / scale
     inverse_information = _inverse_information(unit, _at_a_bound(done))

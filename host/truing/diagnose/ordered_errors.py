@@ -27,7 +27,7 @@ def with_ordered_errors(reasoning: Reasoning) -> Reasoning:
     base = _at_most(problem, reasoning.base, reasoning.given, plainly)
     best = base if not reasoning.best.effects else _at_most(problem, reasoning.best, base, plainly)
     rivals = tuple(_at_most(problem, one, base, plainly) if one.effects else base for one in reasoning.rivals)
-    return replace(reasoning, base=base, best=best, rivals=rivals)
+    return replace(reasoning, base=base, best=best, rivals=rivals, plainly=plainly)
 
 
 def _at_most(problem: Problem, one: Fit, other: Fit, plainly: bool) -> Fit:
@@ -35,13 +35,13 @@ def _at_most(problem: Problem, one: Fit, other: Fit, plainly: bool) -> Fit:
     limit = problem.free_run_rmse(other.residual.speeds)
     if not plainly and problem.free_run_rmse(one.residual.speeds) <= limit:
         return one
-    refits = [_plain(problem, one, start) for start in (one, other)]
+    refits = [plain_fit(problem, one, start) for start in (one, other)]
     return _smallest(problem, [one, *refits, _at_parameters_of(problem, one, other)])
 
 
-def _plain(problem: Problem, one: Fit, start: Fit) -> Fit:
+def plain_fit(problem: Problem, one: Fit, start: Fit) -> Fit:
     """The structure of `one` fitted by plain least squares from the parameters of `start`."""
-    plain = problem.unweighted(problem.free_run_rmse(one.residual.speeds))
+    plain = problem.plain(problem.free_run_rmse(one.residual.speeds))
     done = fit(plain, one.effects, start.theta, columns=one.columns, iterations=PLAIN_STEPS)
     return reevaluate(problem, done)
 

@@ -55,17 +55,18 @@ class Residual:
     speeds : shape (n, 2), m/s, simulated.
     wheels : shape (n, 2), whitened, in standard deviations; rows of weight zero are zero.
     pose : shape (m, 3), in standard deviations; zero where nothing was measured.
+    plain : the wheels' loss is the plain square.
     """
 
     speeds: FloatArray
     wheels: FloatArray
     pose: FloatArray
+    plain: bool = False
 
     def flat(self) -> FloatArray:
-        """One vector; its squares are Huber's loss."""
-        e = np.concatenate((self.wheels.ravel(), self.pose.ravel()))
-        size = np.abs(e)
-        return np.where(size > CLIP, np.sign(e) * np.sqrt(np.maximum(2.0 * CLIP * size - CLIP**2, 0.0)), e)
+        """One vector; its squares are Huber's loss, or plain squares of the wheels' residuals."""
+        wheels = self.wheels.ravel() if self.plain else _huber_root(self.wheels.ravel())
+        return np.concatenate((wheels, _huber_root(self.pose.ravel())))
 
 
 @dataclass(frozen=True)
@@ -80,6 +81,7 @@ class Problem:
     tied : both wheels share gain and time constant.
     base_effects : effects that the baseline already contains.
     direct_evidence : log-likelihood ratio of effects from two recorded signals, without a robot model, nats.
+    is_plain : fits minimise the plain free-run error of the speeds (`plain`).
     """
 
     data: SetData
@@ -93,6 +95,7 @@ class Problem:
     base_effects: tuple[str, ...] = ()
     base_columns: tuple[Column, ...] = field(default=())
     direct_evidence: dict[str, float] = field(default_factory=dict)
+    is_plain: bool = False
 
     def evidence(self, effects: tuple[str, ...]) -> float:
         """Direct evidence for these effects, summed, nats."""
@@ -106,11 +109,19 @@ class Problem:
         """Whitened residual of a simulation."""
         on = self.masks(effects)
         speeds = self.simulator.speeds(theta, on)
-        return Residual(speeds, self.whiten(self.data.speed_mps - speeds), self.pose(theta, on))
+        whitened = self.whiten(self.data.speed_mps - speeds)
+        return Residual(speeds, whitened, self.pose(theta, on), self.is_plain)
 
     def whiten(self, columns: FloatArray) -> FloatArray:
         """Speeds (n, 2) or their derivatives (n, 2, p) in standard deviations of white noise."""
         return whiten(self.noise, columns, self.counted, self.lagged)
+
+    def loss_slopes(self, flat: FloatArray) -> FloatArray:
+        """Derivatives of a flat residual by its residuals: CLIP / |flat| where the loss is linear, else 1."""
+        slopes = np.asarray(CLIP / np.maximum(np.abs(flat), CLIP))
+        if self.is_plain:
+            slopes[: 2 * len(self.data)] = 1.0
+        return slopes
 
     def pose(self, theta: FloatArray, on: np.ndarray) -> FloatArray:
         """Pose residuals (m, 3) in standard deviations; zero where nothing was measured."""
@@ -190,9 +201,17 @@ class Problem:
         """Whether simulated speeds (n, 2) leave more than so many times the floor, at either wheel."""
         return bool(np.any(self.rms_by_wheel(speeds) > times * self.floor.rms))
 
-    def unweighted(self, rms_mps: float) -> Problem:
-        """The same problem under white noise: fits minimise the free-run error itself."""
-        return self.with_noise(white_noise(self.lagged, max(rms_mps, 1e-9)))
+    def plain(self, rms_mps: float) -> Problem:
+        """The same problem by plain least squares: fits minimise the free-run error itself.
+
+        Parameters
+        ----------
+        rms_mps : scale of the wheels' residuals, beside those of a pose.
+        """
+        counted = self.measured / (self.measured[self.measured > 0.0].mean() if self.measured.any() else 1.0)
+        return replace(
+            self, noise=white_noise(self.lagged, max(rms_mps, 1e-9)), counted=counted, is_plain=True
+        )
 
     def for_thread(self) -> Problem:
         """The same problem with a simulator of its own (its scratch memory is not thread-safe)."""
@@ -207,6 +226,12 @@ class Problem:
         return self.base_columns + tuple(
             column for name in effects for column in effect_columns(self.simulator, name)
         )
+
+
+def _huber_root(e: FloatArray) -> FloatArray:
+    """Values whose squares are Huber's loss of the residuals `e`."""
+    size = np.abs(e)
+    return np.where(size > CLIP, np.sign(e) * np.sqrt(np.maximum(2.0 * CLIP * size - CLIP**2, 0.0)), e)
 
 
 def weighted_rms(error: FloatArray, weight: FloatArray) -> float:

@@ -69,11 +69,12 @@ def assemble_result(recordings: RecordingSet, reasoning: Reasoning) -> Diagnosis
     problem, data = reasoning.problem, reasoning.problem.data
     folds = folds_of(data)
     windows = pose_folds(problem, folds)
-    base = held_out(problem, reasoning.base, folds, windows)
+    fitted_under = reasoning.fitted_under
+    base = held_out(fitted_under, reasoning.base, folds, windows)
     explanations = [
         _Evaluated(
             done,
-            base if done is reasoning.base else held_out(problem, done, folds, windows),
+            base if done is reasoning.base else held_out(fitted_under, done, folds, windows),
             covariance(problem, done),
         )
         for done in _explanations(reasoning)
@@ -309,12 +310,11 @@ def _best_on_unseen_runs(reasoning: Reasoning) -> dict[tuple[str, ...], float]:
     search = reasoning.search
     sizes = sorted({len(names) for names in search.fits} - {0})
     best = [one for size in sizes for one in search.ranked(size)[:1]]
-    folds = folds_of(reasoning.problem.data)
-    windows = pose_folds(reasoning.problem, folds)
+    problem = reasoning.fitted_under
+    folds = folds_of(problem.data)
+    windows = pose_folds(problem, folds)
     return {
-        effect_set(*one.effects): held_out(reasoning.problem, one, folds, windows).rmse(
-            reasoning.problem.measured
-        )
+        effect_set(*one.effects): held_out(problem, one, folds, windows).rmse(problem.measured)
         for one in best
     }
 

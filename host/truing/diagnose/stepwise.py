@@ -17,7 +17,7 @@ from truing.diagnose.noise_updates import under_noise_of
 from truing.diagnose.problem import Problem
 from truing.diagnose.search import Search, effect_set
 from truing.diagnose.unseen_runs import NEGLIGIBLE, SIMILAR_BENEFIT, UnseenRuns
-from truing.diagnose.verdict import MIN_DIFFERENCE, is_incomplete
+from truing.diagnose.verdict import MIN_DIFFERENCE, SUSPECT_OF_FLOOR, is_incomplete, leaves_something
 
 # Effects in one model, candidates that are fitted in one step, and of these tried on runs left out, at most.
 MAX_EFFECTS, MAX_CANDIDATES, MAX_TRIED = 6, 4, 3
@@ -87,7 +87,11 @@ def is_worth_it(search: Search, unseen: UnseenRuns, one: Fit, other: Fit) -> boo
     more = search.compare(one, other)
     exceeds_noise = search.problem.exceeds_noise(other.residual.speeds)
     if more.robust_gain > SIGNIFICANT_GAIN and (exceeds_noise or more.times_noise > MIN_DIFFERENCE):
-        return unseen.benefit(one, other) > NEGLIGIBLE
+        benefit = unseen.benefit(one, other)
+        # Beside a slow disturbance an effect may imitate it, in part.
+        return benefit > MIN_BENEFIT or (
+            benefit > NEGLIGIBLE and leaves_something(search, other, SUSPECT_OF_FLOOR)
+        )
     if not exceeds_noise or _free_run_error(search, one) > _free_run_error(search, other):
         return False
     return unseen.benefit(one, other) > MIN_BENEFIT and unseen.loss_share(one, other) < MAX_LOSS_SHARE

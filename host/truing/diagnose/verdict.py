@@ -48,8 +48,11 @@ OVER_QUANTISATION = 1.2
 # A model that leaves more than this many times the noise's floor leaves something real. Another effect is
 # looked for above the lower limit: the floor includes an allowance for slow disturbances.
 EXCESS_OF_FLOOR, SUSPECT_OF_FLOOR = 3.0, 0.5
-# Beside something unexplained, effects are named if they remove this share of the energy above the noise.
+# Beside something unexplained, effects are named if they remove this share of the energy above the noise; or
+# this share of the RMS error on runs left out, and add to runs that they make worse at most the last share of
+# what they remove from others: an effect that imitates an unknown one does not hold in every run.
 MIN_EXPLAINED = 0.5
+MIN_UNSEEN_BENEFIT, MAX_UNSEEN_LOSS = 0.25, 0.02
 # More effects are looked for beside two that take away at least this share.
 MIN_EXPLAINED_BY_TWO = 0.4
 # Confidence in an explanation that is as good with one effect fewer.
@@ -71,6 +74,7 @@ class Reasoning:
     remaining : predictable structure in the residual of `best`.
     confidence : in `best`, 0 to 1.
     accepted : `best` is the user's choice, not the verdict's.
+    plainly : the reported models are fitted by plain least squares, because they leave more than noise.
     """
 
     search: Search
@@ -82,11 +86,18 @@ class Reasoning:
     remaining: Structure
     confidence: float
     accepted: bool = False
+    plainly: bool = False
 
     @property
     def problem(self) -> Problem:
         """Recordings and noise."""
         return self.search.problem
+
+    @property
+    def fitted_under(self) -> Problem:
+        """The problem that the reported models solve."""
+        problem = self.problem
+        return problem.plain(problem.free_run_rmse(self.best.residual.speeds)) if self.plainly else problem
 
 
 def decide(search: Search, best: Fit) -> Reasoning:
@@ -97,8 +108,7 @@ def decide(search: Search, best: Fit) -> Reasoning:
     remaining = above_quantisation(problem, best, residual_structure(problem, best))
     rivals = rivals_of(search, best) if best.effects else ()
     if _leaves_something(search, best, remaining, EXCESS_OF_FLOOR):
-        explained = share_explained(problem, best, base)
-        verdict: Verdict = "partly_explained" if explained > MIN_EXPLAINED else "unexplained"
+        verdict: Verdict = "partly_explained" if _is_named_beside_more(search, best) else "unexplained"
     elif best.effects:
         verdict = "ambiguous" if rivals else "missing_physics"
     else:
@@ -109,6 +119,17 @@ def decide(search: Search, best: Fit) -> Reasoning:
     if any(len(rival.effects) < len(best.effects) for rival in rivals):
         sure = min(sure, TIED_CONFIDENCE)  # one effect fewer explains the recordings as well
     return Reasoning(search, verdict, given, base, best, rivals, remaining, sure)
+
+
+def _is_named_beside_more(search: Search, best: Fit) -> bool:
+    """Whether the effects of `best` are named although something remains."""
+    base = search.fits[()]
+    if share_explained(search.problem, best, base) > MIN_EXPLAINED:
+        return True
+    if not best.effects:
+        return False
+    unseen = UnseenRuns(search.problem)
+    return unseen.benefit(best, base) > MIN_UNSEEN_BENEFIT and unseen.loss_share(best, base) < MAX_UNSEEN_LOSS
 
 
 def leaves_something(search: Search, best: Fit, times_floor: float = EXCESS_OF_FLOOR) -> bool:
@@ -125,7 +146,9 @@ def is_incomplete(search: Search, best: Fit) -> bool:
     explained = share_explained(search.problem, best, search.fits[()])
     if len(best.effects) > 1 and explained < MIN_EXPLAINED_BY_TWO:
         return False
-    return leaves_something(search, best, SUSPECT_OF_FLOOR)
+    return search.problem.exceeds_noise(best.residual.speeds) or leaves_something(
+        search, best, SUSPECT_OF_FLOOR
+    )
 
 
 def _leaves_something(search: Search, best: Fit, remaining: Structure, times_floor: float) -> bool:
