@@ -16,15 +16,24 @@ void controller_init(struct controller *controller)
     memset(&controller->link, 0, sizeof controller->link);
     can_link_init(&controller->can, controller->identity.board_id, sizeof controller->identity.board_id);
     memset(controller->cache, 0, sizeof controller->cache);
-    controller->fed_at_ms = 0;
+    controller->since_poll_ms = 0;
+    controller->polled_at_ms = 0;
     controller->sequence_port = PORT_SERIAL;
     controller->bus_off = false;
     robot_init(&controller->robot, boot_faults(&controller->identity));
 }
 
+/* The tick watches the main loop, which alone obeys a stop, and the watchdog watches the tick: either one
+ * that hangs takes the effort off the wheels. */
 void controller_tick(struct controller *controller)
 {
+    const bool hung = controller->since_poll_ms >= CONTROLLER_POLL_MS;
+    controller->robot.supervisor.main_loop_hung = hung;
     robot_tick(&controller->robot);
+    if (!hung) {
+        controller->since_poll_ms = controller->since_poll_ms + 1u;
+        hal_watchdog_feed();
+    }
 }
 
 void controller_note_overrun(struct controller *controller)
@@ -53,7 +62,9 @@ static void poll_can(struct controller *controller)
             requests_answer(controller, PORT_CAN, &request);
         }
         can_link_flush(can, controller->robot.now_ms);
-        event = can_link_receive(can, controller->robot.now_ms, &request);
+        event = controller->since_poll_ms < 2 * CONTROLLER_ROUND_MS
+                    ? can_link_receive(can, controller->robot.now_ms, &request)
+                    : CAN_LINK_NOTHING;
     }
     if (can_link_status_due(can, controller->robot.now_ms,
                             parameter(controller, PROTO_PARAMETER_CAN_STATUS_HZ))) {
@@ -82,10 +93,11 @@ static void watch_bus(struct controller *controller, uint32_t now_ms)
 void controller_poll(struct controller *controller)
 {
     struct frame request;
+    controller->since_poll_ms = 0;
     link_flush(&controller->link);
     robot_write_log(&controller->robot);
     /* Bytes are read even when the send queue is full, so that a stop never waits behind other requests. */
-    while (link_receive(&controller->link, &request)) {
+    while (controller->since_poll_ms < CONTROLLER_ROUND_MS && link_receive(&controller->link, &request)) {
         robot_write_log(&controller->robot); /* replies report the log as of now */
         requests_answer(controller, PORT_SERIAL, &request);
         link_flush(&controller->link);
@@ -94,11 +106,9 @@ void controller_poll(struct controller *controller)
     poll_can(controller);
     robot_audit(&controller->robot);
 
-    /* A running main loop alone must not feed the watchdog: the tick must run as well. */
     const uint32_t now_ms = controller->robot.now_ms;
-    if (now_ms != controller->fed_at_ms) {
-        controller->fed_at_ms = now_ms;
-        hal_watchdog_feed();
+    if (now_ms != controller->polled_at_ms) {
+        controller->polled_at_ms = now_ms;
         watch_bus(controller, now_ms);
     }
 }

@@ -8,10 +8,11 @@
 /* Before the tick interrupt is enabled. */
 void controller_init(struct controller *controller);
 
-/* Exactly every millisecond, from the tick interrupt. Constant work. */
+/* Exactly every millisecond, from the tick interrupt. Constant work. Feeds the watchdog as long as the main
+ * loop gets on. */
 void controller_tick(struct controller *controller);
 
-/* From the main loop, as often as possible. Feeds the watchdog as long as ticks go on. */
+/* From the main loop, as often as possible. */
 void controller_poll(struct controller *controller);
 
 /* From the tick interrupt's handler, when the next tick was due before this one had ended. */

@@ -147,6 +147,11 @@ DETECTOR(not_finite)
     return supervisor->not_finite;
 }
 
+DETECTOR(main_loop_hung)
+{
+    return supervisor->main_loop_hung;
+}
+
 /* name, detector, hold (ms of the cause before the fault counts), does it stop, what it takes to clear it.
  * In the order of the schema. Times that depend on the wheel are held by wheel_watch. */
 #define FAULTS(ROW)                                                                                          \
@@ -170,7 +175,8 @@ DETECTOR(not_finite)
     ROW(WATCHDOG_RESET, watchdog_reset, 0, true, AT_ONCE)                                                    \
     ROW(SEQUENCE_DAMAGED, sequence_damaged, 0, true, AT_ONCE)                                                \
     ROW(CAN_BUS_OFF, can_bus_off, 0, false, WHEN_GONE)                                                       \
-    ROW(CONTROL_NOT_FINITE, not_finite, 0, true, WHEN_GONE)
+    ROW(CONTROL_NOT_FINITE, not_finite, 0, true, WHEN_GONE)                                                  \
+    ROW(MAIN_LOOP_HUNG, main_loop_hung, 0, true, AT_ONCE)
 
 enum position {
 #define POSITION(name, present, hold, stops, clears) POSITION_##name,

@@ -35,6 +35,7 @@ struct supervisor {
     bool store_damaged;             /* the parameters in force are not those that were saved last */
     volatile bool sequence_damaged; /* set from the main loop, taken by the next step */
     volatile bool can_bus_off;      /* set from the main loop */
+    bool main_loop_hung;            /* the main loop has not come round for too long */
     bool not_finite;                /* a number that control rests on is none */
 };
 

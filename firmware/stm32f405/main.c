@@ -70,7 +70,7 @@ void SysTick_Handler(void)
     if (overran) {
         controller_note_overrun(&controller);
     }
-    idle_end(); /* the main loop feeds the watchdog and reads the line */
+    idle_end(); /* the main loop reads the line, and shows that it gets on */
 }
 
 void hal_sense(struct hal_sample *out)
@@ -133,6 +133,7 @@ int main(void)
     controller_init(&controller);
     usart_link_start(clock.apb1_hz); /* late, or what arrives before interrupts are on would overrun */
     bxcan_prepare(clock.apb1_hz);
+    watchdog_shorten();
     start_tick(clock.cpu_hz);
     cpu_interrupts_on();
 

@@ -76,6 +76,11 @@ void motors_stop(void)
     TIM1->bdtr = TIM_BDTR_OSSI;
 }
 
+void motors_go(void)
+{
+    TIM1->bdtr = TIM_BDTR_OSSI | TIM_BDTR_MOE;
+}
+
 void hal_drive(const int16_t effort_e4[HAL_WHEELS])
 {
     for (uint32_t wheel = 0; wheel < HAL_WHEELS; wheel++) {

@@ -13,4 +13,7 @@ void motors_start(uint32_t timer_hz);
 /* Brakes both bridges at once, by one write that needs no other state; for fault handlers. */
 void motors_stop(void);
 
+/* After motors_stop: the bridges follow hal_drive again. */
+void motors_go(void);
+
 #endif

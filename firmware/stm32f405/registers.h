@@ -352,6 +352,9 @@ struct iwdg {
 #define IWDG_KEY_RELOAD 0xAAAAu
 #define IWDG_KEY_ACCESS 0x5555u
 #define IWDG_KEY_START  0xCCCCu
+#define IWDG_PR_DIV4    0u
 #define IWDG_PR_DIV32   3u
+#define IWDG_SR_PVU     (1u << 0) /* a new prescaler is under way */
+#define IWDG_SR_RVU     (1u << 1) /* a new reload value is under way */
 
 #endif

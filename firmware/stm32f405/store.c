@@ -8,7 +8,9 @@
 
 #include "cortex.h"
 #include "hal.h"
+#include "motors.h"
 #include "registers.h"
+#include "watchdog.h"
 
 enum { FIRST_SECTOR = 1 };
 
@@ -75,6 +77,8 @@ bool hal_store_erase(uint32_t slot, uint32_t *missed_ticks)
 {
     SCB_DEMCR |= DEMCR_TRCENA;
     DWT_CTRL |= DWT_CTRL_CYCCNTENA;
+    motors_stop(); /* nothing watches over them until the erase is over */
+    watchdog_lengthen();
     const uint32_t state = hal_critical_enter();
     const uint32_t since = cycles_since_tick();
     const uint32_t began = DWT_CYCCNT;
@@ -85,6 +89,8 @@ bool hal_store_erase(uint32_t slot, uint32_t *missed_ticks)
     const bool good = finish();
     *missed_ticks = drop_ticks(since, began);
     hal_critical_exit(state);
+    watchdog_shorten();
+    motors_go();
     return good;
 }
 

@@ -122,6 +122,11 @@ size_t hal_link_read(uint8_t *out, size_t capacity)
 {
     uint32_t tail = rx_tail;
     const uint32_t waiting = rx_head - tail;
+    if (waiting > RX_SIZE) { /* its indices have been overwritten: old requests must not come round again */
+        usart_link_errors.ring_overflow++;
+        rx_tail = tail + waiting;
+        return 0;
+    }
     const size_t count = waiting < capacity ? waiting : capacity;
     compiler_barrier();
     for (size_t i = 0; i < count; i++) {

@@ -60,6 +60,7 @@ struct board *board_create(const struct board_options *options)
     }
     memset(b->flash_array, 0xFF, FLASH_SIZE);
     fill_system(b);
+    b->lsi_hz = LSI_HZ;
     b->tear_state = options->seed * 0x9E3779B97F4A7C15ULL | 1u;
     b->rng_state = options->seed * 0xD1342543DE82EF95ULL + 0x9E3779B97F4A7C15ULL;
     return b;

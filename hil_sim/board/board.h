@@ -75,6 +75,8 @@ void board_reset(struct board *board, enum board_reset cause);
 void board_set_crystal(struct board *board, bool alive);
 /* The crystal's true frequency from now on, not the nominal one. */
 void board_set_crystal_hz(struct board *board, uint32_t hz);
+/* The internal low-speed oscillator's true frequency, 17 to 47 kHz on the chip; from the next reset on. */
+void board_set_lsi_hz(struct board *board, uint32_t hz);
 /* Flash takes the longest times of the datasheet instead of the typical ones. */
 void board_set_flash_slow(struct board *board, bool slow);
 /* From now on no conversion of any ADC ends. */

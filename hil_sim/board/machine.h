@@ -192,9 +192,10 @@ struct adc {
 };
 
 struct iwdg {
-    uint32_t pr, rlr;
-    bool running, unlocked;
-    uint64_t updating_until_ps;
+    uint32_t pr, rlr, pr_active, rlr_active;
+    uint32_t pvu, rvu;
+    bool running, unlocked, updating;
+    uint64_t updating_until_ps, deadline_ps;
 };
 
 struct exti {
@@ -270,6 +271,7 @@ struct board {
     struct adc adc[ADCS + 1];
     uint32_t adc_ccr;
     struct iwdg iwdg;
+    uint32_t lsi_hz;
     struct exti exti;
     uint32_t syscfg_memrmp, syscfg_pmc, syscfg_exticr[4], dbgmcu[3];
     uint32_t rng_cr;
@@ -408,6 +410,7 @@ void adc_reset(struct board *b);
 void adc_event(struct board *b, int adc);
 bool iwdg_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 void iwdg_reset(struct board *b);
+void iwdg_event(struct board *b);
 bool rng_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 bool exti_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 void exti_reset(struct board *b);

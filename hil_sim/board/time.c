@@ -87,9 +87,7 @@ static void dispatch(struct board *b, unsigned id)
     } else if (id <= EVENT_RCC_LSI) {
         rcc_event(b, id);
     } else if (id == EVENT_IWDG) {
-        b->reset_wanted = true;
-        b->reset_cause = BOARD_RESET_WATCHDOG;
-        cpu_update_break(b);
+        iwdg_event(b);
     } else if (id == EVENT_FLASH) {
         flash_event(b);
     } else if (id < EVENT_USART_TX0) {

@@ -455,7 +455,22 @@ static void watchdog_is_fed_by_ticks_and_poll_together_only(void)
     for (int i = 0; i < 100; i++) {
         controller_tick(&fixture.controller); /* the main loop is dead */
     }
-    TEST_ASSERT_EQUAL_UINT32(fed, fixture.board.watchdog_feeds);
+    TEST_ASSERT_EQUAL_UINT32(fed + CONTROLLER_POLL_MS, fixture.board.watchdog_feeds);
+}
+
+static void main_loop_that_does_not_come_round_stops_a_drive(void)
+{
+    drive_live(300);
+    for (int i = 0; i < CONTROLLER_POLL_MS; i++) {
+        controller_tick(&fixture.controller);
+    }
+    TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]); /* busy for as long as it ever is */
+    controller_tick(&fixture.controller);
+    assert_braked();
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_MAIN_LOOP_HUNG, fixture_status().faults_latched);
+    fixture_run(1);
+    fixture_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0); /* it has come round after all */
+    fixture_expect_accepted();
 }
 
 int main(void)
@@ -491,5 +506,6 @@ int main(void)
     RUN_TEST(several_faults_are_latched_together_and_cleared_together);
     RUN_TEST(reversed_wiring_is_put_right_by_parameters);
     RUN_TEST(watchdog_is_fed_by_ticks_and_poll_together_only);
+    RUN_TEST(main_loop_that_does_not_come_round_stops_a_drive);
     return UNITY_END();
 }

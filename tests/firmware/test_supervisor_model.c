@@ -137,7 +137,7 @@ static void command(void)
 static void break_or_mend(void)
 {
     const int wheel = (int)random_below(HAL_WHEELS);
-    switch (random_below(15)) {
+    switch (random_below(16)) {
     case 0:
     case 9:
         fixture.board.sample.battery_mv = 8000;
@@ -168,6 +168,9 @@ static void break_or_mend(void)
         break;
     case 10:
         fixture.controller.robot.supervisor.store_damaged = true;
+        break;
+    case 12:
+        fixture.controller.since_poll_ms = CONTROLLER_POLL_MS;
         break;
     case 11:
         fixture.controller.robot.drive.command[wheel] = NAN;

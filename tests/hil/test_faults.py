@@ -187,7 +187,7 @@ def test_a_supply_that_makes_the_wheels_too_fast_stops_them(image: Path, native_
         assert speed < 2.3
 
 
-EXTI4 = 10
+EXTI4, CAN1_TX = 10, 19
 
 
 @pytest.mark.parametrize("begins_us", range(0, 1000, 100))
@@ -399,16 +399,19 @@ def test_a_number_in_control_that_becomes_nan_brakes_and_is_named(
     clear_and_drive(device)
 
 
-def test_a_program_that_hangs_is_named_after_the_restart(robot: VirtualRobot) -> None:
+def test_a_main_loop_that_stands_for_a_moment_stops_the_wheels_and_is_named(robot: VirtualRobot) -> None:
     device = host(robot)
     start(device, tp.SegmentKind.EFFORT, 0.3, 0.3)
-    head = struct.unpack("<I", robot.read_memory(robot.symbol("rx_head")[0], 4))[0]
-    robot.write_memory(robot.symbol("rx_tail")[0], struct.pack("<I", (head + 1) & 0xFFFFFFFF))
+    robot.run_us(500_000)
+    robot.set_interrupt_stuck(CAN1_TX, True)  # of the tick's own level: ticks go on
     took_ms = until_braked(robot)
-    print(f"watchdog_reset: {took_ms:.0f} ms")
-    robot.run_us(1_000_000)
-    device = host(robot)
-    assert latched(device) == {"watchdog_reset"}
+    robot.run_us(3000)
+    robot.set_interrupt_stuck(CAN1_TX, False)
+    print(f"main_loop_hung: {took_ms:.1f} ms")
+    assert 39 <= took_ms <= 42
+    robot.run_us(10_000)
+    assert latched(device) == {"main_loop_hung"}
+    assert device.info.boot_id == host(robot).info.boot_id
     clear_and_drive(device)
 
 

@@ -132,27 +132,6 @@ def test_a_crystal_that_dies_on_the_move_stops_the_wheels(robot: VirtualRobot) -
     assert (magic, count, exception) == (FAULT_MAGIC, 1, NMI)
 
 
-def test_a_main_loop_that_never_ends_is_restarted_by_the_watchdog(robot: VirtualRobot) -> None:
-    client = connect(robot)
-    before = hello(client).boot_id
-    start(client, (tp.Segment(tp.SegmentKind.EFFORT, 60_000, 0.3, 0.3),), 20)
-    client.stream.sleep(0.5)
-    # A receive ring that claims to hold 4 GB keeps the main loop at it for ever; the ticks go on.
-    (head,) = words(robot, "rx_head")
-    robot.write_memory(robot.symbol("rx_tail")[0], struct.pack("<I", (head + 1) & 0xFFFFFFFF))
-    began = robot.time_us
-    while inputs(robot) == ((1.0, 0.7), (1.0, 0.7)):
-        robot.run_us(1000)
-        assert robot.time_us - began < 3_000_000
-    print(f"restarted after {(robot.time_us - began) / 1e6:.2f} s")
-    assert robot.time_us - began > 1_000_000
-    robot.run_us(20_000)
-    assert inputs(robot) == BRAKE
-    after = hello(client)
-    assert after.boot_id != before
-    assert after.reset_cause == tp.ResetCause.WATCHDOG
-
-
 def test_the_tick_leaves_nine_tenths_of_its_millisecond(robot: VirtualRobot) -> None:
     client = connect(robot)
     start(client, MIXED, 200)

@@ -372,6 +372,10 @@ class VirtualRobot(Simulated):
         else:
             self._library.rig_reset(self._rig, int(cause))
 
+    def set_lsi_hz(self, hz: int) -> None:
+        """Let the watchdog's oscillator run at this frequency from the next reset on: 17 to 47 kHz on the chip."""
+        self._library.board_set_lsi_hz(self._board, hz)
+
     def set_flash_slow(self, slow: bool) -> None:
         """Let flash take the longest times of the datasheet instead of the typical ones."""
         self._library.board_set_flash_slow(self._board, slow)

@@ -21,7 +21,7 @@ LOG_RECORD_VERSION: Final = 2
 CAN_HOST_TO_BOARD: Final = 0x600
 CAN_BOARD_TO_HOST: Final = 0x640
 CAN_NODES: Final = 0x3f
-SCHEMA_HASH: Final = 0x7e88955f
+SCHEMA_HASH: Final = 0x86cb4adb
 REFUSAL_ID: Final = 0xff
 REPLY_BIT: Final = 0x80
 
@@ -244,6 +244,13 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
         True,
         "a number in the control loop is NaN, infinite or beyond its range: a speed, an effort or a limit",
         "clear the fault; if it comes back, `truing params list` shows an impossible value, or the board's memory is failing",
+    ),
+    FaultInfo(
+        21,
+        "main_loop_hung",
+        True,
+        "the main loop of the program did not run for 40 ms: nobody could have stopped the robot",
+        "report this with the firmware version, then clear the fault; a loop that stays hung restarts the board as watchdog_reset",
     ),
 )
 

@@ -1,0 +1,176 @@
+"""Whatever hangs, in whatever state: the wheels are let go within 50 ms, and it is named."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from hil_sim import VirtualRobot
+from truing.board.device import Device
+from truing.errors import Refused
+from truing.link.client import Client
+from truing.link.virtual_stream import VirtualStream
+from truing.plan import Kind, Plan, Segment
+
+BRAKE = ((1.0, 1.0), (1.0, 1.0))
+OFF = ((-1.0, -1.0), (-1.0, -1.0))  # not driven: between a reset and the first instructions
+BAR_MS = 50.0
+ENDLESS = struct.pack("<H", 0xE7FE)  # b .
+UNDEFINED = struct.pack("<H", 0xDE00)  # udf #0
+BROKEN = ("battery_update", "fault_entry", "log_feed_drain")
+EXTI4 = 10
+SLOWEST_HZ, NOMINAL_HZ, FASTEST_HZ = 17_000, 32_000, 47_000  # datasheet DocID022152, section 5.3.9
+
+
+def host(robot: VirtualRobot) -> Device:
+    return Device(Client(VirtualStream(robot)))
+
+
+@pytest.fixture
+def robot(image: Path, native_library: Path) -> Iterator[VirtualRobot]:
+    with VirtualRobot(image) as fresh:
+        yield fresh
+
+
+def overwrite(robot: VirtualRobot, function: str, code: bytes) -> None:
+    robot.write_flash(robot.symbol(function)[0] & ~1, code)
+
+
+def hang_main_loop(robot: VirtualRobot) -> None:
+    overwrite(robot, "log_feed_drain", ENDLESS)
+
+
+def hang_tick(robot: VirtualRobot) -> None:
+    overwrite(robot, "battery_update", ENDLESS)
+
+
+def hang_interrupt(robot: VirtualRobot) -> None:
+    robot.set_interrupt_stuck(EXTI4, True)
+
+
+def lock_up(robot: VirtualRobot) -> None:
+    """The fault handler faults itself: the core stops for good (ARMv7-M manual, section B1.5.15)."""
+    overwrite(robot, "fault_entry", UNDEFINED)
+    overwrite(robot, "battery_update", UNDEFINED)
+
+
+HANGS: dict[str, Callable[[VirtualRobot], None]] = {
+    "main loop": hang_main_loop,
+    "tick": hang_tick,
+    "interrupt": hang_interrupt,
+    "core locked up": lock_up,
+}
+
+
+def at_rest(device: Device) -> None:
+    device.stop()
+
+
+def live(device: Device) -> None:
+    device.set_effort(0.3, 0.3)
+
+
+def in_sequence(device: Device) -> None:
+    device.start(device.upload(Plan("long", "", (Segment(Kind.EFFORT, 20.0, 0.3, 0.3),))), unattended=True)
+
+
+def stopped(device: Device) -> None:
+    live(device)
+    device.client.stream.sleep(0.6)
+    assert [fault.name for fault in device.status().latched] == ["host_silent"]
+
+
+STATES: dict[str, Callable[[Device], None]] = {
+    "idle": at_rest,
+    "live": live,
+    "sequence": in_sequence,
+    "stopped": stopped,
+}
+
+
+def safe(robot: VirtualRobot) -> bool:
+    return (robot.bridge(0), robot.bridge(1)) in (BRAKE, OFF)
+
+
+def until_safe_and_restarted(robot: VirtualRobot) -> tuple[float, float]:
+    """Milliseconds until no bridge drives any more, and until the board has restarted."""
+    began, resets = robot.time_us, robot.stats().resets
+    safe_at: int | None = None
+    while robot.stats().resets == resets:
+        robot.run_us(100)
+        if safe(robot):
+            safe_at = robot.time_us if safe_at is None else safe_at
+        else:
+            assert safe_at is None, "the wheels were let go and then driven again"
+        assert robot.time_us - began < 300_000, "it was never restarted"
+    assert safe(robot)
+    end = robot.time_us if safe_at is None else safe_at
+    return (end - began) / 1000, (robot.time_us - began) / 1000
+
+
+@pytest.mark.parametrize("lsi_hz", [SLOWEST_HZ, NOMINAL_HZ, FASTEST_HZ])
+@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize("hang", HANGS)
+def test_a_hang_lets_go_of_the_wheels_within_50_ms_and_is_named(
+    robot: VirtualRobot, image: Path, hang: str, state: str, lsi_hz: int
+) -> None:
+    robot.set_lsi_hz(lsi_hz)
+    robot.power_cycle()
+    robot.run_us(300_000)
+    device = host(robot)
+    STATES[state](device)
+    robot.run_us(200_400)
+    before = [robot.read_memory(robot.symbol(name)[0] & ~1, 2) for name in BROKEN]
+    HANGS[hang](robot)
+    safe_ms, reset_ms = until_safe_and_restarted(robot)
+    print(f"{hang:15} {state:9} {lsi_hz} Hz: off after {safe_ms:5.1f} ms, reset after {reset_ms:5.1f} ms")
+    assert safe_ms <= BAR_MS
+    assert reset_ms <= 2 * BAR_MS
+    # Mend what was broken, for the board to come up again.
+    for name, code in zip(BROKEN, before, strict=True):
+        overwrite(robot, name, code)
+    robot.set_interrupt_stuck(EXTI4, False)
+    robot.run_us(300_000)
+    assert (robot.bridge(0), robot.bridge(1)) == BRAKE
+    again = host(robot)
+    assert again.info.reset_cause == "watchdog"
+    assert [fault.name for fault in again.status().latched] == ["watchdog_reset"]
+    with pytest.raises(Refused, match="watchdog_reset"):
+        again.set_effort(0.2, 0.2)
+
+
+@pytest.mark.parametrize("lsi_hz", [SLOWEST_HZ, FASTEST_HZ])
+@pytest.mark.parametrize("slow", [False, True], ids=["typical flash", "slowest flash"])
+def test_an_erase_is_no_hang_and_ends_with_the_short_period_again(
+    robot: VirtualRobot, lsi_hz: int, slow: bool
+) -> None:
+    robot.set_lsi_hz(lsi_hz)
+    robot.set_flash_slow(slow)
+    robot.power_cycle()
+    robot.run_us(300_000)
+    device = host(robot)
+    for value in (1.0, 1.1, 1.2):
+        device.set_parameter("speed_limit_mps", value)
+        assert device.save_parameters().stall_s > 0.2
+    assert host(robot).info.boot_id == device.info.boot_id
+    live(device)
+    robot.run_us(200_000)
+    hang_tick(robot)
+    safe_ms, _ = until_safe_and_restarted(robot)
+    assert safe_ms <= BAR_MS
+
+
+def test_a_receive_ring_whose_index_is_overwritten_replays_no_old_request(robot: VirtualRobot) -> None:
+    robot.run_us(300_000)
+    device = host(robot)
+    live(device)
+    device.stop()
+    (head,) = struct.unpack("<I", robot.read_memory(robot.symbol("rx_head")[0], 4))
+    robot.write_memory(robot.symbol("rx_tail")[0], struct.pack("<I", (head + 1) & 0xFFFFFFFF))
+    for _ in range(500):
+        robot.run_us(1000)
+        assert safe(robot)
+    assert host(robot).info.boot_id == device.info.boot_id
