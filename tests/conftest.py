@@ -21,6 +21,8 @@ for _variable, _folder in {
 }.items():
     os.environ.setdefault(_variable, str(ROOT / ".cache" / _folder))
 os.environ.setdefault("MPLBACKEND", "agg")
+# As the commands do: the tests are run side by side, and a second thread of the library takes another's time.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def _built(path: Path) -> Path:
@@ -57,6 +59,25 @@ def recordings() -> Path:
         says = f"is {named}, no folder" if named else f"is not set, and {beside} is not there"
         pytest.skip(f"no real recordings: TRUING_RECORDINGS {says}")
     return folder
+
+
+@pytest.hookimpl(tryfirst=True)  # before xdist reads the groups
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Give what shares a module's fixture to one process, which makes it once; begin with the slow tests.
+
+    A worker that takes a slow test last keeps the other one waiting.
+    """
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        return
+    for item in items:
+        if _shares_with_module(item) and item.get_closest_marker("xdist_group") is None:
+            item.add_marker(pytest.mark.xdist_group(item.nodeid.split("::")[0]))
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
+def _shares_with_module(item: pytest.Item) -> bool:
+    definitions = getattr(item, "_fixtureinfo").name2fixturedefs  # noqa: B009 - pytest has no public name for it
+    return any(each.scope == "module" for name in definitions for each in definitions[name])
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

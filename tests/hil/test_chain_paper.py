@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 
+from truing.cli import group
+from truing.cli.app import App
 from truing.recording.reader import read_recording_set
 
 
 @pytest.fixture(scope="module")
 def paper(image: Path, native_library: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """The command's JSON value, and of the same drive what it prints without `--json`."""
     folder = tmp_path_factory.mktemp("paper") / "set"
-    command = [sys.executable, "-m", "truing", "paper", "--set", str(folder)]
-    done = subprocess.run([*command, "--json"], check=True, capture_output=True, text=True, timeout=110)
-    result: dict[str, Any] = json.loads(done.stdout)
-    return result | {"folder": folder}
+    values: list[dict[str, Any]] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(App, "emit", lambda _, value: values.append(value))
+        done = CliRunner().invoke(group, ["paper", "--set", str(folder)], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return json.loads(json.dumps(values[0], allow_nan=False)) | {"folder": folder, "printed": done.stdout}
 
 
 def test_effort_gains_are_the_papers_within_three_per_cent_and_eight_at_worst(paper: dict[str, Any]) -> None:
@@ -64,8 +68,6 @@ def test_every_run_passes_the_reader_and_knows_the_pause_before_it(paper: dict[s
         assert run.mode[-1] == "idle" or run.mode[-1] == "effort"
 
 
-def test_the_table_is_printed_beside_the_papers(native_library: Path, image: Path, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "truing", "paper", "--set", str(tmp_path / "set")]
-    printed = subprocess.run(command, check=True, capture_output=True, text=True, timeout=110).stdout
+def test_the_table_is_printed_beside_the_papers(paper: dict[str, Any]) -> None:
     for word in ("Table III", "Table IV", "9.13", "14.83", "1.076", "not bent", "on average"):
-        assert word in printed
+        assert word in paper["printed"]

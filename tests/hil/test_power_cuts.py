@@ -15,7 +15,7 @@ from truing.link.framing import Frame, encode
 
 DAMAGED = next(fault.mask for fault in tp.FAULTS if fault.name == "parameter_store_damaged")
 TEARS = 3  # each torn operation stops somewhere else
-EVERY_INSTRUCTIONS = 1000
+EVERY_INSTRUCTIONS = 3000  # the three saves start 1000 apart
 EVERY_US = 10_000
 SAVE = encode(Frame(tp.ParamSaveRequest.ID, 4711))
 LONGEST_SAVE_US = 400_000
@@ -29,8 +29,7 @@ class Save:
     slots: bytes
     old: Values
     new: Values
-    is_first: bool
-    operations: int = 0
+    number: int  # 0 is the first save of a blank board
     instructions: int = 0
     duration_us: int = 0
     outcomes: dict[str, int] = field(default_factory=lambda: {"old": 0, "new": 0})
@@ -46,8 +45,8 @@ class Save:
         self.instructions, self.duration_us = robot.stats().instructions - before, robot.time_us - began
         assert values_of(self.board.start()) == self.new
 
-    def cut(self, arm: Callable[[StoreBoard], object], *, must_fail: bool) -> None:
-        """Do it with a cut, start again, and judge."""
+    def cut(self, arm: Callable[[StoreBoard], object], *, must_fail: bool) -> bool:
+        """Do it with a cut, start again, and judge; whether the power failed at all."""
         client = self.board.start(self.slots)
         put_values(client, self.new)
         self.board.robot.link_write(SAVE)  # on its way from now on; time passes only below
@@ -61,7 +60,8 @@ class Save:
         assert found in (self.old, self.new), "neither the old set nor the new one"
         self.outcomes["new" if found == self.new else "old"] += 1
         # With an older set to fall back on, a cut is no damage.
-        assert self.is_first or not faults_of(client) & DAMAGED
+        assert self.number == 0 or not faults_of(client) & DAMAGED
+        return failed
 
 
 @pytest.fixture(params=["first", "second", "third"])
@@ -73,23 +73,24 @@ def save(request: pytest.FixtureRequest, image: Path, native_library: Path) -> I
             put_values(client, generation(earlier))
             client.request(tp.ParamSaveRequest())
         old = values_of(board.start())
-        found = Save(board, board.slots, old, generation(number), is_first=number == 0)
+        found = Save(board, board.slots, old, generation(number), number)
         found.measure()
         yield found
 
 
-def flash_writes(save: Save) -> int:
-    """Count them: the first cut that no longer happens is behind the last."""
-    count = 0
-    while True:
-        client = save.board.start(save.slots)
-        put_values(client, save.new)
-        save.board.robot.cut_power_at_flash_write(count)
-        save.board.robot.link_write(SAVE)
-        if not save.board.run_until_dark(LONGEST_SAVE_US):
-            save.board.robot.cut_power_at_flash_write(None)
-            return count
-        count += 1
+def cut_every_flash_write(save: Save) -> int:
+    """Cut each of them `TEARS` times; how many there are: behind the last, no cut happens."""
+    write = 0
+
+    def arm(board: StoreBoard) -> None:
+        board.robot.cut_power_at_flash_write(write)
+
+    while save.cut(arm, must_fail=False):
+        for _ in range(1, TEARS):
+            save.cut(arm, must_fail=True)
+        write += 1
+    assert save.outcomes["new"] > 0  # at the least by the last, which was not cut
+    return write
 
 
 @pytest.mark.slow
@@ -97,14 +98,11 @@ def test_a_save_cut_off_anywhere_leaves_the_old_set_or_the_new_one(save: Save) -
     began = time.monotonic()
     tried = {"flash writes": 0, "instructions": 0, "moments of the erase": 0}
 
-    writes = flash_writes(save)
+    writes = cut_every_flash_write(save)
     assert writes >= 2 * len(tp.PARAMETERS)
-    for write in range(writes):
-        for _ in range(TEARS):
-            save.cut(lambda board, n=write: board.robot.cut_power_at_flash_write(n), must_fail=True)  # type: ignore[misc]
-            tried["flash writes"] += 1
+    tried["flash writes"] = TEARS * writes
 
-    for instruction in range(0, save.instructions, EVERY_INSTRUCTIONS):
+    for instruction in range(save.number * EVERY_INSTRUCTIONS // 3, save.instructions, EVERY_INSTRUCTIONS):
         save.cut(
             lambda board, n=instruction: board.robot.cut_power_at_instruction(n),  # type: ignore[misc]
             must_fail=instruction < save.instructions - EVERY_INSTRUCTIONS,

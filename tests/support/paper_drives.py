@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from truing.board.device import Device
@@ -12,7 +12,7 @@ from truing.link.virtual_stream import VirtualStream
 from truing.log.decode import decode_log
 from truing.plan import Kind, built_in_names, load_plan
 
-RATE_HZ = 20
+PAPER_RATE_HZ = 20
 BOOT_US, PAUSE_US = 500_000, 200_000
 
 
@@ -20,6 +20,7 @@ BOOT_US, PAUSE_US = 500_000, 200_000
 class Held:
     """What the board's logs are; `bytes_per_record` is by mode, headers and whole cells included."""
 
+    rate_hz: int
     records: int
     memory: int
     bytes_per_record: dict[str, float]
@@ -27,21 +28,22 @@ class Held:
 
     @property
     def minutes(self) -> float:
-        """Of records at 20 Hz that are in memory."""
-        return self.records / RATE_HZ / 60
+        """Of driving that is in memory."""
+        return self.records / self.rate_hz / 60
 
     @property
     def minutes_when_full(self) -> float:
         """The same, had the drives gone on until the memory was full."""
-        return self.memory / self.bytes_per_record["all"] / RATE_HZ / 60
+        return self.memory / self.bytes_per_record["all"] / self.rate_hz / 60
 
 
-def drive_paper(robot: Any, rounds: int | None = None) -> Held:
+def drive_paper(robot: Any, rounds: int | None = None, rate_hz: int = PAPER_RATE_HZ) -> Held:
     """Drive tests I to XVII `rounds` times, or until the first log is gone; fetch and decode what is there.
 
     Parameters
     ----------
     robot : just switched on; a virtual robot with the flashed image, or a host robot.
+    rate_hz : of the logs; the paper's rate by default.
     """
     plans = [load_plan(name) for name in built_in_names() if name.startswith("paper/")]
     assert len(plans) == 17
@@ -54,8 +56,9 @@ def drive_paper(robot: Any, rounds: int | None = None) -> Held:
         while driven != rounds and not (driven and device.logs()[0].log_id > 1):
             driven += 1
             for plan in plans:
-                assert plan.log_rate_hz == RATE_HZ
-                log_id = device.start(device.upload(plan), unattended=True)
+                assert plan.log_rate_hz == PAPER_RATE_HZ
+                sequence = device.upload(replace(plan, log_rate_hz=rate_hz))
+                log_id = device.start(sequence, unattended=True)
                 velocity = any(segment.kind is Kind.VELOCITY for segment in plan.segments)
                 modes[log_id] = "velocity" if velocity else "effort"
                 robot.run_us(round(plan.duration_s * 1e6) + PAUSE_US)
@@ -68,4 +71,4 @@ def drive_paper(robot: Any, rounds: int | None = None) -> Held:
                 took[name] += len(data)
                 counted[name] += len(decoded.records)
     each = {name: took[name] / counted[name] for name in took}
-    return Held(counted["all"], device.info.log_bytes, each, logs[0].log_id > 1)
+    return Held(rate_hz, counted["all"], device.info.log_bytes, each, logs[0].log_id > 1)

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 
 def judged(folder: Path, seed: int, effect: str, second: str | None = None) -> Judgement:
-    answer = make_trial(seed, effect, folder=folder, plan_kind="rich", second_effect=second)
+    answer = make_trial(seed, effect, folder=folder, plan_kind="thirds", second_effect=second)
     return judge(answer, diagnose(read_input(folder / "recordings", None), Options(jobs=1)).to_json())
 
 
