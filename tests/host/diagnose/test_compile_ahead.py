@@ -2,24 +2,40 @@
 
 from __future__ import annotations
 
-import os
+import json
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 EXAMPLE = Path(__file__).resolve().parents[3] / "docs" / "example"
 
+# In one process: what is compiled or taken from the cache ahead, and what a diagnosis adds to it.
+PROGRAM = """
+import gc, json, runpy, sys
+from click.testing import CliRunner
+from numba.core.dispatcher import Dispatcher
+from truing.cli import group
+from truing.diagnose.catalogue import CATALOGUE
+from truing.diagnose.simulation.assemble import kernel_of
+from truing.diagnose.simulation.warm import is_compiled
 
-@pytest.mark.slow
-def test_the_first_diagnosis_finds_all_machine_code_in_the_cache(tmp_path: Path) -> None:
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "numba")}
+def signatures():
+    functions = (each for each in gc.get_objects() if isinstance(each, Dispatcher))
+    return {f"{each.py_func.__module__}.{each.py_func.__name__}{each_one}"
+            for each in functions for each_one in each.signatures}
 
-    def compiled_after(*arguments: str) -> set[str]:
-        subprocess.run([sys.executable, "-m", *arguments], env=environment, check=True, capture_output=True)
-        return {path.name for path in (tmp_path / "numba").rglob("*.nbc")}
+runpy.run_module("truing.diagnose.compile_ahead", run_name="__main__")
+ahead, kept = signatures(), is_compiled(kernel_of(CATALOGUE))
+done = CliRunner().invoke(group, ["diagnose", sys.argv[1]], catch_exceptions=False)
+assert done.exit_code == 0, done.output
+print(json.dumps({"kept": kept, "ahead": sorted(ahead), "later": sorted(signatures() - ahead)}))
+"""
 
-    ahead = compiled_after("truing.diagnose.compile_ahead")
-    assert ahead
-    assert compiled_after("truing", "diagnose", str(EXAMPLE)) == ahead
+
+def test_a_diagnosis_needs_no_machine_code_but_what_was_compiled_ahead() -> None:
+    command = [sys.executable, "-c", PROGRAM, str(EXAMPLE)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    found = json.loads(done.stdout.splitlines()[-1])
+    assert found["kept"]
+    assert any("rollout" in each for each in found["ahead"])
+    assert found["later"] == []
