@@ -48,6 +48,10 @@ uint32_t boot_faults(const struct hal_identity *identity)
         faults |= PROTO_FAULT_WATCHDOG_RESET;
         break;
     default:
+        /* The reset button and a probe reset on purpose, but not while the robot drives. */
+        if (identity->was_moving && !identity->program_fault) {
+            faults |= PROTO_FAULT_UNEXPECTED_RESET;
+        }
         break;
     }
     return faults;

@@ -20,7 +20,7 @@ void controller_init(struct controller *controller)
     controller->polled_at_ms = 0;
     controller->sequence_port = PORT_SERIAL;
     controller->bus_off = false;
-    robot_init(&controller->robot, boot_faults(&controller->identity));
+    robot_init(&controller->robot, controller->identity.boot_id, boot_faults(&controller->identity));
 }
 
 /* The tick watches the main loop, which alone obeys a stop, and the watchdog watches the tick: either one
@@ -30,6 +30,7 @@ void controller_tick(struct controller *controller)
     const bool hung = controller->since_poll_ms >= CONTROLLER_POLL_MS;
     controller->robot.supervisor.main_loop_hung = hung;
     robot_tick(&controller->robot);
+    hal_note_moving(supervisor_is_moving(&controller->robot.supervisor));
     if (!hung) {
         controller->since_poll_ms = controller->since_poll_ms + 1u;
         hal_watchdog_feed();

@@ -351,6 +351,17 @@ static struct refusal answer_set_velocity(struct controller *controller, const s
     return robot_drive(&controller->robot, PROTO_SEGMENT_KIND_VELOCITY, in.left, in.right);
 }
 
+static struct refusal answer_arm(struct controller *controller, const struct frame *request,
+                                 struct reply *reply)
+{
+    (void)reply;
+    struct proto_arm_request in;
+    if (!proto_arm_request_decode(&in, request->payload, request->payload_length)) {
+        return bad_length(request);
+    }
+    return robot_arm(&controller->robot, in.boot_id);
+}
+
 _Static_assert((int)HAL_CAN_OFF == (int)PROTO_CAN_BUS_STATE_OFF &&
                    (int)HAL_CAN_JOINING == (int)PROTO_CAN_BUS_STATE_JOINING &&
                    (int)HAL_CAN_ACTIVE == (int)PROTO_CAN_BUS_STATE_ACTIVE &&
@@ -458,6 +469,7 @@ static const struct entry entries[] = {
     {PROTO_ID_SET_EFFORT, false, answer_set_effort},
     {PROTO_ID_SET_VELOCITY, false, answer_set_velocity},
     {PROTO_ID_STOP, false, answer_stop},
+    {PROTO_ID_ARM, false, answer_arm},
     {PROTO_ID_CAN_STATE, false, answer_can_state},
     {PROTO_ID_STREAM_START, false, answer_stream_start},
     {PROTO_ID_STREAM_READ, true, answer_stream_read},

@@ -12,8 +12,9 @@
  */
 enum { LATE_US = 1500 };
 
-void robot_init(struct robot *robot, uint32_t boot_faults)
+void robot_init(struct robot *robot, uint32_t boot_id, uint32_t boot_faults)
 {
+    robot->boot_id = boot_id;
     hal_sense(&robot->sample);
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
         robot->counts[wheel] = 0;
@@ -269,6 +270,9 @@ static struct refusal may_begin(const struct robot *robot, bool from_rest)
     if (robot->supervisor.state != PROTO_STATE_IDLE) {
         return refused(PROTO_REFUSAL_REASON_WRONG_STATE, robot->supervisor.state);
     }
+    if (!robot->supervisor.armed) {
+        return refused(PROTO_REFUSAL_REASON_NOT_ARMED, robot->boot_id);
+    }
     const uint32_t unfit = supervisor_self_check(&robot->supervisor, &robot->tuning, &robot->view, from_rest);
     return unfit == 0 ? accepted() : refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, unfit);
 }
@@ -296,6 +300,15 @@ struct refusal robot_drive(struct robot *robot, uint8_t kind, float left, float 
     }
     hal_critical_exit(state);
     return verdict;
+}
+
+struct refusal robot_arm(struct robot *robot, uint32_t boot_id)
+{
+    if (boot_id != robot->boot_id) {
+        return refused(PROTO_REFUSAL_REASON_WRONG_BOOT, robot->boot_id);
+    }
+    robot->supervisor.armed = true;
+    return accepted();
 }
 
 void robot_hear_host(struct robot *robot)

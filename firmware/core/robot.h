@@ -12,8 +12,8 @@
 #include "refusal.h"
 #include "robot_state.h"
 
-/* `boot_faults`: faults found at start-up, see boot.h. */
-void robot_init(struct robot *robot, uint32_t boot_faults);
+/* `boot_id`: of this start; `boot_faults`: faults found at start-up, see boot.h. */
+void robot_init(struct robot *robot, uint32_t boot_id, uint32_t boot_faults);
 void robot_tick(struct robot *robot);
 
 /* From the main loop: codes the records that wait. */
@@ -24,6 +24,10 @@ void robot_audit(struct robot *robot);
 
 /* Brakes both wheels now; ends a sequence or a live drive, and its log. A latched fault stays latched. */
 void robot_stop(struct robot *robot);
+
+/* Allows motion until the next start, if this is the start that was meant. After any reset a host that did
+ * not notice it, or one that streams set-points, moves nothing. */
+struct refusal robot_arm(struct robot *robot, uint32_t boot_id);
 
 /* Drives the wheels by live commands of the host: `kind` effort or velocity. */
 struct refusal robot_drive(struct robot *robot, uint8_t kind, float left, float right);

@@ -22,6 +22,7 @@
 #include "wheel_watch.h"
 
 struct robot {
+    uint32_t boot_id;
     struct parameters parameters;
     struct parameter_store store;
     struct tuning tuning;

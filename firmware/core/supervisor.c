@@ -147,6 +147,11 @@ DETECTOR(not_finite)
     return supervisor->not_finite;
 }
 
+DETECTOR(unexpected_reset)
+{
+    return (supervisor->noted & PROTO_FAULT_UNEXPECTED_RESET) != 0;
+}
+
 DETECTOR(main_loop_hung)
 {
     return supervisor->main_loop_hung;
@@ -170,13 +175,14 @@ DETECTOR(main_loop_hung)
     ROW(WHEEL_LEFT_STALLED, left_stalled, 0, true, AT_ONCE)                                                  \
     ROW(WHEEL_RIGHT_STALLED, right_stalled, 0, true, AT_ONCE)                                                \
     ROW(OVERSPEED, overspeed, SUPERVISOR_OVERSPEED_MS, true, WHEN_GONE)                                      \
-    ROW(BROWN_OUT, brown_out, 0, false, AT_ONCE)                                                             \
+    ROW(BROWN_OUT, brown_out, 0, true, AT_ONCE)                                                              \
     ROW(PROGRAM_FAULT, program_fault, 0, true, AT_ONCE)                                                      \
     ROW(WATCHDOG_RESET, watchdog_reset, 0, true, AT_ONCE)                                                    \
     ROW(SEQUENCE_DAMAGED, sequence_damaged, 0, true, AT_ONCE)                                                \
     ROW(CAN_BUS_OFF, can_bus_off, 0, false, WHEN_GONE)                                                       \
     ROW(CONTROL_NOT_FINITE, not_finite, 0, true, WHEN_GONE)                                                  \
-    ROW(MAIN_LOOP_HUNG, main_loop_hung, 0, true, AT_ONCE)
+    ROW(MAIN_LOOP_HUNG, main_loop_hung, 0, true, AT_ONCE)                                                    \
+    ROW(UNEXPECTED_RESET, unexpected_reset, 0, true, AT_ONCE)
 
 enum position {
 #define POSITION(name, present, hold, stops, clears) POSITION_##name,

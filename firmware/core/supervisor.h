@@ -25,6 +25,7 @@ enum supervisor_clears {
 
 struct supervisor {
     uint8_t state;                          /* enum proto_state */
+    bool armed;                             /* someone has allowed this start of the board to move */
     uint32_t active;                        /* faults whose cause is present */
     uint32_t latched;                       /* faults that stopped the wheels */
     uint32_t noted;                         /* faults that start-up found */

@@ -27,6 +27,7 @@ struct hal_identity {
     uint32_t cpu_hz;      /* the CPU clock that start-up settled on */
     bool memory_kept;     /* memory that resets leave alone was intact at start-up */
     bool program_fault;   /* the start followed a fault of the program, see hal_fault_record */
+    bool was_moving;      /* memory was kept, and holds what hal_note_moving was last given: true */
     bool clock_fallback;  /* the crystal or the PLL failed: timing has the accuracy of the RC oscillator */
 };
 
@@ -44,6 +45,9 @@ bool hal_fault_record(struct hal_fault_record *out);
 
 /* Who this board is and how it came up; constant after start-up. */
 void hal_identity(struct hal_identity *out);
+
+/* Whether the robot drives, kept for the next start: a reset on the move is none that anybody wanted. */
+void hal_note_moving(bool moving);
 
 /* The sensors as of this tick; never blocks. For controller_tick: elsewhere a tick may come in between. */
 void hal_sense(struct hal_sample *out);

@@ -12,8 +12,10 @@
 struct boot_counter {
     uint32_t magic;
     uint32_t count;
+    volatile uint32_t moving; /* MOVING_MAGIC while the robot drives */
 };
-#define BOOT_MAGIC 0xB007C0DEu
+#define BOOT_MAGIC   0xB007C0DEu
+#define MOVING_MAGIC 0x30D1F00Du
 __attribute__((section(".noinit"), used)) static struct boot_counter boots;
 
 /* The generator needs 40 periods of its 48 MHz for a word (RM0090 section 24.3.1); far fewer reads than this.
@@ -51,6 +53,8 @@ void identity_start(const struct clock *clock)
 
     memset(&identity, 0, sizeof identity);
     identity.memory_kept = memory_kept;
+    identity.was_moving = memory_kept && boots.moving == MOVING_MAGIC;
+    boots.moving = 0;
     identity.program_fault = fault_take_notice();
     for (uint32_t i = 0; i < sizeof identity.board_id; i += 4u) {
         uint32_t word = 0;
@@ -65,6 +69,11 @@ void identity_start(const struct clock *clock)
     RCC->csr |= RCC_CSR_RMVF; /* or the next reset would add its cause to this one's */
     identity.cpu_hz = clock->cpu_hz;
     identity.clock_fallback = clock->source != CLOCK_CRYSTAL_PLL;
+}
+
+void hal_note_moving(bool moving)
+{
+    boots.moving = moving ? MOVING_MAGIC : 0;
 }
 
 void hal_identity(struct hal_identity *out)

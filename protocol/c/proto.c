@@ -941,6 +941,22 @@ bool proto_set_velocity_request_decode(struct proto_set_velocity_request *to, co
     return true;
 }
 
+size_t proto_arm_request_encode(const struct proto_arm_request *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_ARM_REQUEST_SIZE) {
+        return 0;
+    }
+    put_u32(out + 0, from->boot_id);
+    return PROTO_ARM_REQUEST_SIZE;
+}
+
+bool proto_arm_request_decode(struct proto_arm_request *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_ARM_REQUEST_SIZE) {
+        return false;
+    }
+    to->boot_id = get_u32(in + 0);
+    return true;
+}
+
 size_t proto_can_state_reply_encode(const struct proto_can_state_reply *from, uint8_t *out, size_t capacity) {
     if (capacity < PROTO_CAN_STATE_REPLY_SIZE) {
         return 0;
@@ -1280,12 +1296,12 @@ const char *proto_slot_state_name(unsigned value) {
 }
 
 const char *proto_refusal_reason_name(unsigned value) {
-    static const char *const names[] = {"unknown_request", "bad_length", "not_finite", "out_of_range", "wrong_state", "fault_latched", "self_check_failed", "unknown_parameter", "sequence_too_long", "sequence_gap", "sequence_incomplete", "sequence_bad_crc", "sequence_empty", "unknown_segment_kind", "log_gone", "log_beyond_end", "log_busy", "store_failed"};
+    static const char *const names[] = {"unknown_request", "bad_length", "not_finite", "out_of_range", "wrong_state", "fault_latched", "self_check_failed", "unknown_parameter", "sequence_too_long", "sequence_gap", "sequence_incomplete", "sequence_bad_crc", "sequence_empty", "unknown_segment_kind", "log_gone", "log_beyond_end", "log_busy", "store_failed", "not_armed", "wrong_boot"};
     return value < 1u || value - 1u >= PROTO_REFUSAL_REASON_COUNT ? "?" : names[value - 1u];
 }
 
 const char *proto_fault_name(unsigned bit) {
-    static const char *const names[] = {"encoder_left_implausible", "encoder_right_implausible", "battery_unread", "battery_low", "host_silent", "loop_overrun", "clock_fallback", "parameter_store_damaged", "encoder_left_lost", "encoder_right_lost", "encoder_left_reversed", "encoder_right_reversed", "wheel_left_stalled", "wheel_right_stalled", "overspeed", "brown_out", "program_fault", "watchdog_reset", "sequence_damaged", "can_bus_off", "control_not_finite", "main_loop_hung"};
+    static const char *const names[] = {"encoder_left_implausible", "encoder_right_implausible", "battery_unread", "battery_low", "host_silent", "loop_overrun", "clock_fallback", "parameter_store_damaged", "encoder_left_lost", "encoder_right_lost", "encoder_left_reversed", "encoder_right_reversed", "wheel_left_stalled", "wheel_right_stalled", "overspeed", "brown_out", "program_fault", "watchdog_reset", "sequence_damaged", "can_bus_off", "control_not_finite", "main_loop_hung", "unexpected_reset"};
     return bit >= PROTO_FAULT_COUNT ? "?" : names[bit];
 }
 
@@ -1306,6 +1322,7 @@ bool proto_id_changes(uint8_t id) {
     case PROTO_ID_SET_EFFORT:
     case PROTO_ID_SET_VELOCITY:
     case PROTO_ID_STOP:
+    case PROTO_ID_ARM:
     case PROTO_ID_STREAM_START:
         return true;
     default:

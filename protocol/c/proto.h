@@ -20,7 +20,7 @@
 #define PROTO_CAN_ANNOUNCE_BASE 0x680u /* its CAN id is this plus the node */
 #define PROTO_CAN_STATUS_BASE 0x6c0u /* its CAN id is this plus the node */
 #define PROTO_CAN_MOTION_BASE 0x700u /* its CAN id is this plus the node */
-#define PROTO_SCHEMA_HASH 0x86cb4adbu
+#define PROTO_SCHEMA_HASH 0x38f22399u
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
@@ -51,6 +51,7 @@ enum proto_id {
     PROTO_ID_SET_EFFORT = 0x40, /* drive the wheels with a share of the supply, until the host-silence time-out; a log opens with the first such command, and odometry goes to zero */
     PROTO_ID_SET_VELOCITY = 0x41, /* hold wheel speeds, until the host-silence time-out; log and odometry as with set_effort */
     PROTO_ID_STOP = 0x42, /* brake both wheels now, in any state; ends a sequence; carried out each time it arrives */
+    PROTO_ID_ARM = 0x43, /* allow the board to move until its next start; before that it refuses seq_start, set_effort and set_velocity with not_armed */
     PROTO_ID_CAN_STATE = 0x50, /* the CAN controller and its channel */
     PROTO_ID_STREAM_START = 0x60, /* take samples of the chosen signals from now on, counted from 0, in place of the stream before; whatever the state. A start of the board ends it */
     PROTO_ID_STREAM_READ = 0x61, /* samples from a number on, as many as are there, wanted, and fit a reply; those that the ring has overwritten are left out */
@@ -230,8 +231,10 @@ enum proto_refusal_reason {
     PROTO_REFUSAL_REASON_LOG_BEYOND_END = 16, /* nothing is sealed at this offset yet; `detail` is the end offset */
     PROTO_REFUSAL_REASON_LOG_BUSY = 17, /* not while a log is being written */
     PROTO_REFUSAL_REASON_STORE_FAILED = 18, /* the flash did not take the parameters; the set stored before still holds; `detail` is the slot */
+    PROTO_REFUSAL_REASON_NOT_ARMED = 19, /* nobody has allowed the board to move since it started: `arm` first; `detail` is the boot id */
+    PROTO_REFUSAL_REASON_WRONG_BOOT = 20, /* meant for another start of the board; `detail` is the boot id of this one */
 };
-enum { PROTO_REFUSAL_REASON_COUNT = 18 };
+enum { PROTO_REFUSAL_REASON_COUNT = 20 };
 const char *proto_refusal_reason_name(unsigned value); /* "?" for a value that is none of them */
 
 #define PROTO_SEGMENT_SIZE 13u
@@ -659,6 +662,14 @@ struct proto_set_velocity_request {
 size_t proto_set_velocity_request_encode(const struct proto_set_velocity_request *from, uint8_t *out, size_t capacity);
 bool proto_set_velocity_request_decode(struct proto_set_velocity_request *to, const uint8_t *in, size_t length);
 
+#define PROTO_ARM_REQUEST_SIZE 4u
+/* allow the board to move until its next start; before that it refuses seq_start, set_effort and set_velocity with not_armed */
+struct proto_arm_request {
+    uint32_t boot_id; /* of the start meant, from hello */
+};
+size_t proto_arm_request_encode(const struct proto_arm_request *from, uint8_t *out, size_t capacity);
+bool proto_arm_request_decode(struct proto_arm_request *to, const uint8_t *in, size_t length);
+
 #define PROTO_CAN_STATE_REPLY_SIZE 39u
 /* reply: the CAN controller and its channel */
 struct proto_can_state_reply {
@@ -802,9 +813,10 @@ enum proto_fault {
     PROTO_FAULT_CAN_BUS_OFF = 1u << 19, /* the CAN controller took itself off a bus that had worked: too many errors; it tries again ten times a second */
     PROTO_FAULT_CONTROL_NOT_FINITE = 1u << 20, /* a number in the control loop is NaN, infinite or beyond its range: a speed, an effort or a limit */
     PROTO_FAULT_MAIN_LOOP_HUNG = 1u << 21, /* the main loop of the program did not run for 40 ms: nobody could have stopped the robot */
+    PROTO_FAULT_UNEXPECTED_RESET = 1u << 22, /* the board was reset, by its reset pin or a debug probe, while it drove */
 };
-#define PROTO_FAULT_COUNT 22u
-#define PROTO_FAULTS_THAT_STOP ((uint32_t)(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE | PROTO_FAULT_BATTERY_UNREAD | PROTO_FAULT_BATTERY_LOW | PROTO_FAULT_HOST_SILENT | PROTO_FAULT_LOOP_OVERRUN | PROTO_FAULT_PARAMETER_STORE_DAMAGED | PROTO_FAULT_ENCODER_LEFT_LOST | PROTO_FAULT_ENCODER_RIGHT_LOST | PROTO_FAULT_ENCODER_LEFT_REVERSED | PROTO_FAULT_ENCODER_RIGHT_REVERSED | PROTO_FAULT_WHEEL_LEFT_STALLED | PROTO_FAULT_WHEEL_RIGHT_STALLED | PROTO_FAULT_OVERSPEED | PROTO_FAULT_PROGRAM_FAULT | PROTO_FAULT_WATCHDOG_RESET | PROTO_FAULT_SEQUENCE_DAMAGED | PROTO_FAULT_CONTROL_NOT_FINITE | PROTO_FAULT_MAIN_LOOP_HUNG))
+#define PROTO_FAULT_COUNT 23u
+#define PROTO_FAULTS_THAT_STOP ((uint32_t)(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE | PROTO_FAULT_BATTERY_UNREAD | PROTO_FAULT_BATTERY_LOW | PROTO_FAULT_HOST_SILENT | PROTO_FAULT_LOOP_OVERRUN | PROTO_FAULT_PARAMETER_STORE_DAMAGED | PROTO_FAULT_ENCODER_LEFT_LOST | PROTO_FAULT_ENCODER_RIGHT_LOST | PROTO_FAULT_ENCODER_LEFT_REVERSED | PROTO_FAULT_ENCODER_RIGHT_REVERSED | PROTO_FAULT_WHEEL_LEFT_STALLED | PROTO_FAULT_WHEEL_RIGHT_STALLED | PROTO_FAULT_OVERSPEED | PROTO_FAULT_BROWN_OUT | PROTO_FAULT_PROGRAM_FAULT | PROTO_FAULT_WATCHDOG_RESET | PROTO_FAULT_SEQUENCE_DAMAGED | PROTO_FAULT_CONTROL_NOT_FINITE | PROTO_FAULT_MAIN_LOOP_HUNG | PROTO_FAULT_UNEXPECTED_RESET))
 const char *proto_fault_name(unsigned bit); /* bit: 0..31 */
 
 /* parameters: indices into proto_parameters and on the wire */

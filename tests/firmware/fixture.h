@@ -42,8 +42,8 @@ static inline double fixture_metres_per_count(void)
     return 2.0 * 3.14159265358979323846 * 0.0635 / FIXTURE_COUNTS_PER_REV;
 }
 
-/* The same controller after power-up, on a robot at rest. */
-static inline void fixture_power_up(void)
+/* The same controller after power-up, on a robot at rest, which nobody has armed. */
+static inline void fixture_power_up_unarmed(void)
 {
     memset(&fixture, 0, sizeof fixture);
     hal_host_init(&fixture.board);
@@ -212,6 +212,18 @@ static inline void fixture_ask_u32(uint8_t id, uint32_t value)
     const uint8_t payload[4] = {(uint8_t)value, (uint8_t)(value >> 8), (uint8_t)(value >> 16),
                                 (uint8_t)(value >> 24)};
     fixture_ask(id, payload, sizeof payload);
+}
+
+static inline void fixture_arm(void)
+{
+    fixture.controller.robot.supervisor.armed = true;
+}
+
+/* Powered up and armed. */
+static inline void fixture_power_up(void)
+{
+    fixture_power_up_unarmed();
+    fixture_arm();
 }
 
 /* Uploads and commits a whole sequence; returns its CRC. */

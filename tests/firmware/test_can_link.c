@@ -239,6 +239,7 @@ static void a_call_is_answered_within_the_time_that_spreads_the_boards(void)
         setUp();
         memcpy(fixture.board.identity.board_id, id, sizeof id);
         controller_init(&fixture.controller);
+        fixture_arm();
         controller_poll(&fixture.controller);
         fixture_set_parameter(PROTO_PARAMETER_CAN_STATUS_HZ, 0.0f);
         put(PROTO_CAN_HOST_TO_BOARD, &call, 1);

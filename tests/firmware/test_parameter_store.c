@@ -25,6 +25,7 @@ static void power_cycle(void)
     hal_host_power_cycle(&fixture.board);
     memset(&fixture.decoder, 0, sizeof fixture.decoder);
     controller_init(&fixture.controller);
+    fixture_arm();
 }
 
 static float in_force(uint16_t index)

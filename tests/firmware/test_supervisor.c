@@ -144,6 +144,34 @@ static void unattended_sequence_goes_on_without_a_host(void)
     fixture_expect_refused(PROTO_REFUSAL_REASON_OUT_OF_RANGE, 1);
 }
 
+static void nothing_moves_before_this_very_start_has_been_armed(void)
+{
+    fixture_power_up_unarmed();
+    fixture_run(5);
+    const uint32_t boot = fixture.board.identity.boot_id;
+    const uint32_t crc = fixture_upload(&two_seconds, 1, 0);
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_NOT_ARMED, boot);
+    fixture_set_velocity(0.3f, 0.3f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_NOT_ARMED, boot);
+    fixture_ask_start(crc, 1);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_NOT_ARMED, boot);
+    fixture_ask_u32(PROTO_ID_ARM, boot + 1u);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_WRONG_BOOT, boot);
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_NOT_ARMED, boot);
+    fixture_run(10);
+    assert_braked();
+    fixture_ask_u32(PROTO_ID_ARM, boot);
+    fixture_expect_accepted();
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_expect_accepted();
+    controller_init(&fixture.controller);
+    fixture_run(5);
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_NOT_ARMED, boot);
+}
+
 static void stop_leaves_a_latched_fault_latched(void)
 {
     fixture_set_effort(0.3f, 0.3f);
@@ -342,6 +370,7 @@ static void internal_oscillator_is_reported_and_does_not_keep_the_robot_from_dri
     fixture.board.identity.clock_fallback = true;
     fixture.board.identity.cpu_hz = 168000000;
     controller_init(&fixture.controller);
+    fixture_arm();
     fixture_run(5);
     TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_CLOCK_FALLBACK, fixture_status().faults_active);
     fixture_start(fixture_upload(&two_seconds, 1, 0));
@@ -486,6 +515,7 @@ int main(void)
     RUN_TEST(sequence_s_silence_time_is_its_own_parameter);
     RUN_TEST(question_on_another_port_does_not_replace_the_sequence_s_host);
     RUN_TEST(unattended_sequence_goes_on_without_a_host);
+    RUN_TEST(nothing_moves_before_this_very_start_has_been_armed);
     RUN_TEST(stop_leaves_a_latched_fault_latched);
     RUN_TEST(encoder_beyond_any_speed_stops_the_wheels);
     RUN_TEST(encoder_fault_ends_a_sequence_and_its_log_says_so);

@@ -196,8 +196,11 @@ static void start_anew(void)
     struct hal_identity *const identity = &fixture.board.identity;
     identity->reset_cause = causes[random_below(sizeof causes)];
     identity->program_fault = random_below(4) == 0;
+    identity->was_moving = fixture.board.moving;
     identity->clock_fallback = random_below(4) == 0;
     controller_init(&fixture.controller);
+    TEST_ASSERT_FALSE(fixture.controller.robot.supervisor.armed);
+    fixture_arm();
     note_edge(state());
     assert_safe();
 }

@@ -24,6 +24,7 @@ static void start(void)
     rig.may_move = false;
     hal_host_select(&rig.board);
     controller_init(&rig.controller);
+    rig.controller.robot.supervisor.armed = true;
 }
 
 void rig_power_up(void)

@@ -77,6 +77,7 @@ def test_a_host_that_falls_silent_on_can_stops_the_robot(image: Path, native_lib
     with CanChain(image) as chain:
         device = chain.host()
         device.client.stream.sleep(0.3)
+        device.arm()
         device.client.request(tp.SetEffortRequest(0.3, 0.3))
         device.client.stream.sleep(0.4)
         assert device.client.request(tp.StatusRequest()).state == tp.State.LIVE
@@ -113,6 +114,7 @@ def test_one_frame_stops_all_boards(image: Path, native_library: Path) -> None:
         hosts = [chain.host(1), chain.host(2)]
         chain.bus.run_us(300_000)
         for host in hosts:
+            host.arm()
             host.client.request(tp.SetEffortRequest(0.3, 0.3))
         chain.bus.run_us(100_000)
         assert all(robot.bridge(0) != (1.0, 1.0) for robot in chain.robots)
@@ -273,6 +275,7 @@ def test_the_status_broadcast_reads_back_through_the_dbc(
     with CanChain(image) as chain:
         device = chain.host()
         chain.bus.run_us(300_000)
+        device.arm()
         device.client.request(tp.SetEffortRequest(0.4, 0.2))
         chain.bus.run_us(400_000)
         status = device.client.request(tp.StatusRequest())

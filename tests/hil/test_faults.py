@@ -43,6 +43,7 @@ def start(device: Device, kind: tp.SegmentKind, a: float, b: float, ms: int = 20
     device.client.request(tp.SeqBeginRequest(1, 20))
     device.client.request(tp.SeqSegmentsRequest(0, (segment,)))
     device.client.request(tp.SeqCommitRequest(crc))
+    device.arm()
     device.client.request(tp.SeqStartRequest(crc, 1))
     device.client.stream.sleep(0.002)
 
@@ -300,9 +301,8 @@ def test_a_brown_out_is_named_after_the_restart_and_forgotten_on_command(robot: 
     assert (robot.bridge(LEFT), robot.bridge(RIGHT)) == BRAKE
     device = host(robot)
     assert device.info.reset_cause == "brown_out"
-    assert [fault.name for fault in device.status().active] == ["brown_out"]
-    assert device.status().state == tp.State.IDLE
-    device.clear_faults()
+    assert latched(device) == {"brown_out"}
+    clear_and_drive(device)
     assert device.status().active == ()
 
 
@@ -458,6 +458,7 @@ def test_reversals_at_any_moment_trip_nothing(image: Path, native_library: Path,
         for first in range(0, len(segments), 60):
             device.client.request(tp.SeqSegmentsRequest(first, segments[first : first + 60]))
         device.client.request(tp.SeqCommitRequest(crc))
+        device.arm()
         device.client.request(tp.SeqStartRequest(crc, 1))
         while device.status().state == tp.State.SEQUENCE:
             virtual.run_us(100_000)

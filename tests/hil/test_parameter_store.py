@@ -14,7 +14,7 @@ import pytest
 import truing_protocol as tp
 from hil_sim import ResetCause
 from support.store_board import BOOT_US, SLOT_SIZE, StoreBoard, generation, put_values, values_of
-from truing.board.device import parameter_info
+from truing.board.device import Device, parameter_info
 from truing.errors import Refused
 from truing.link.client import Client
 from truing.link.framing import Frame, encode
@@ -96,6 +96,7 @@ def test_saving_and_loading_are_refused_while_the_robot_moves(board: StoreBoard)
     client = board.start()
     client.stream.sleep(0.3)
     slots = board.slots
+    Device(client).arm()
     client.request(tp.SetEffortRequest(0.3, 0.3))
     client.stream.sleep(0.2)
     for request in (tp.ParamSaveRequest(), tp.ParamLoadRequest(), tp.ParamDefaultsRequest()):
@@ -118,6 +119,7 @@ def test_a_damaged_slot_falls_back_says_so_by_name_and_is_made_good_by_a_save(bo
     client.stream.sleep(0.3)
     assert client.request(tp.ParamGetRequest(WHEELBASE)).value == pytest.approx(0.25)
     assert fault_names(client) == ["parameter_store_damaged"]
+    Device(client).arm()
     with pytest.raises(Refused, match="parameter_store_damaged") as caught:
         client.request(tp.SetEffortRequest(0.2, 0.2))
     assert caught.value.reason == "self_check_failed"

@@ -105,6 +105,8 @@ def test_it_accepts_a_sequence(board: Client) -> None:
 
 def test_it_does_not_start_and_names_encoders_and_supply(board: Client) -> None:
     crc = upload(board)
+    hello = board.request(tp.HelloRequest(tp.PROTOCOL_VERSION, tp.SCHEMA_HASH))
+    board.request(tp.ArmRequest(hello.boot_id))
     with pytest.raises(Refused) as caught:
         board.request(tp.SeqStartRequest(crc, 1))
     assert caught.value.reason in ("self_check_failed", "fault_latched")

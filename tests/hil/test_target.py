@@ -61,6 +61,8 @@ def start(client: Client, segments: tuple[tp.Segment, ...], log_rate_hz: int) ->
     client.request(tp.SeqSegmentsRequest(0, segments))
     client.request(tp.SeqCommitRequest(crc))
     client.stream.sleep(0.3)
+    hello = client.request(tp.HelloRequest(tp.PROTOCOL_VERSION, tp.SCHEMA_HASH))
+    client.request(tp.ArmRequest(hello.boot_id))
     client.request(tp.SeqStartRequest(crc, 1))
 
 

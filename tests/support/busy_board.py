@@ -106,6 +106,8 @@ def _start(client: Client) -> None:
     client.request(tp.SeqBeginRequest(len(ROUGH_RIDE), LOG_RATE_HZ))
     client.request(tp.SeqSegmentsRequest(0, ROUGH_RIDE))
     client.request(tp.SeqCommitRequest(crc))
+    hello = client.request(tp.HelloRequest(tp.PROTOCOL_VERSION, tp.SCHEMA_HASH))
+    client.request(tp.ArmRequest(hello.boot_id))
     client.request(tp.SeqStartRequest(crc, 1))
 
 

@@ -249,6 +249,9 @@ class FakeBoard:
     def set_velocity(self, request: tp.SetVelocityRequest) -> bytes:
         return b""
 
+    def arm(self, request: tp.ArmRequest) -> bytes | tuple[int, int]:
+        return b"" if request.boot_id == self.boot_id else (tp.RefusalReason.WRONG_BOOT, self.boot_id)
+
     def stop(self, _: tp.StopRequest) -> bytes:
         self.effort = (0.0, 0.0)
         self.ended = True

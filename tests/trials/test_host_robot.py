@@ -30,6 +30,7 @@ def phases_us(image: Path, native_library: Path) -> tuple[float, float]:
         while board.next_tick_us() > board.time_us + TICK_US:  # SysTick has not been started yet
             board.run_us(100)
         first_us = board.next_tick_us()
+        Device(Client(VirtualStream(board))).arm()
         board.run_us(START_US - board.time_us)
         board.link_write(encode(Frame(SetEffortRequest.ID, 1, SetEffortRequest(0.5, 0.5).pack())))
         while board.bridge(0) == (1.0, 1.0):
@@ -42,6 +43,7 @@ def log_of(robot: Any, plan_name: str) -> bytes:
     plan = load_plan(plan_name)
     with Device(Client(VirtualStream(robot))) as device:
         sequence = device.upload(plan)
+        device.arm()
         robot.run_us(START_US - robot.time_us)
         log_id = device.start(sequence, unattended=True)
         robot.run_us(round(plan.duration_s * 1e6) + 300_000)

@@ -36,3 +36,15 @@ def test_no_drive_command_is_taken_while_a_stop_is_pending():
     shared.acknowledge_stop(number)
     shared.request_drive(DriveCommand(0.1, 0.1, 1e9))
     assert shared.take_requests().drive is not None
+
+
+def test_a_key_held_through_a_lost_link_drives_again_only_after_its_release():
+    shared = SharedState()
+    held, released = DriveCommand(0.3, 0.3, 10.0), DriveCommand(0.0, 0.0, 10.0)
+    shared.request_drive(held)
+    shared.drop_requests()
+    shared.request_drive(held)
+    assert shared.take_requests().drive is None
+    shared.request_drive(released)
+    shared.request_drive(held)
+    assert shared.take_requests().drive == held

@@ -373,7 +373,7 @@ class VirtualRobot(Simulated):
             self._library.rig_reset(self._rig, int(cause))
 
     def set_lsi_hz(self, hz: int) -> None:
-        """Let the watchdog's oscillator run at this frequency from the next reset on: 17 to 47 kHz on the chip."""
+        """Let the watchdog's oscillator run at this frequency from the next reset on (17 to 47 kHz)."""
         self._library.board_set_lsi_hz(self._board, hz)
 
     def set_flash_slow(self, slow: bool) -> None:

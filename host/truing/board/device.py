@@ -42,6 +42,7 @@ from truing.progress import Progress
 from truing.virtual.options import VirtualOptions
 from truing_protocol import (
     PARAMETERS,
+    ArmRequest,
     ClearFaultsRequest,
     FaultRecordRequest,
     LogArmRequest,
@@ -113,6 +114,7 @@ class Device:
     def __init__(self, client: Client) -> None:
         self.client = client
         self.info: BoardInfo = shake_hands(client)
+        self._armed = False
 
     @classmethod
     def open(cls, port: str = "sim", virtual: VirtualOptions | None = None) -> Device:
@@ -283,11 +285,13 @@ class Device:
         The board begins from standstill only, and a wheel that still rolls is to it an encoder that counts
         while the wheels are braked. After a run that ended in motion they get the time that it takes.
         """
+        self.arm()
         until_s: float | None = None
         while True:
             try:
                 return self.client.request(SeqStartRequest(sequence.crc32, unattended)).log_id
             except Refused as refused:
+                self._explain(refused)
                 if refused.reason != "self_check_failed" or not set(refused.faults) <= _ROLLING:
                     raise
                 # By the board's own clock: a virtual one may run at any pace.
@@ -305,15 +309,47 @@ class Device:
         """Brake, end the sequence, forget an upload in progress."""
         self.client.request(SeqAbortRequest(), patience_s=_STOP_PATIENCE_S)
 
+    def arm(self) -> None:
+        """Allow the board to move, once for this object: for the start of the board that it has greeted.
+
+        Whatever drives does this first. A board that has started anew since refuses, and stays refusing: a
+        program that goes on as if nothing had happened moves nothing.
+
+        Raises
+        ------
+        BoardRebooted : it has started anew.
+        """
+        if self._armed:
+            return
+        try:
+            self.client.request(ArmRequest(self.info.boot_id))
+        except Refused as refusal:
+            self._explain(refusal)
+            raise
+        self._armed = True
+
+    def _drive(self, request: SetEffortRequest | SetVelocityRequest) -> None:
+        self.arm()
+        try:
+            self.client.request(request)
+        except Refused as refusal:
+            self._explain(refusal)
+            raise
+
+    def _explain(self, refusal: Refused) -> None:
+        """A board that lost its permission has started anew: `BoardRebooted` says so with the cause."""
+        if refusal.reason in ("not_armed", "wrong_boot"):
+            self.check_same_boot()
+
     # ---- live
 
     def set_effort(self, left: float, right: float) -> None:
         """Drive with a share of the supply; must be repeated within the board's command_timeout_s."""
-        self.client.request(SetEffortRequest(left, right))
+        self._drive(SetEffortRequest(left, right))
 
     def set_velocity(self, left_mps: float, right_mps: float) -> None:
         """Hold wheel speeds; must be repeated within the board's command_timeout_s."""
-        self.client.request(SetVelocityRequest(left_mps, right_mps))
+        self._drive(SetVelocityRequest(left_mps, right_mps))
 
     def stop(self) -> None:
         """Brake both wheels now, whatever the board does; asks again until it is acknowledged.

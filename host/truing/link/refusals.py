@@ -30,6 +30,8 @@ _NEXT_STEP: dict[int, str] = {
         "check the board's supply and try again; if it stays so, the flash is worn out: keep the values with "
         "`truing params save --file` and change the board"
     ),
+    RefusalReason.NOT_ARMED: "the board has started anew: check why, then give the command again",
+    RefusalReason.WRONG_BOOT: "the board has started anew: check why, then give the command again",
     RefusalReason.LOG_BUSY: (
         "wait for the sequence to end, or `truing stop`; `truing log disarm` ends an armed log"
     ),

@@ -92,6 +92,7 @@ class TrialDrive:
         robot.record(longest_s)
         robot.run_us(_SETTLING_US)
         self._device = Device(Client(VirtualStream(robot)))
+        self._device.arm()
 
     def drive(self, plan: Plan) -> DrivenRun:
         """Drive one more plan.

@@ -166,6 +166,8 @@ class RefusalReason(IntEnum):
     LOG_BEYOND_END = 16  # nothing is sealed at this offset yet; `detail` is the end offset
     LOG_BUSY = 17  # not while a log is being written
     STORE_FAILED = 18  # the flash did not take the parameters; the set stored before still holds; `detail` is the slot
+    NOT_ARMED = 19  # nobody has allowed the board to move since it started: `arm` first; `detail` is the boot id
+    WRONG_BOOT = 20  # meant for another start of the board; `detail` is the boot id of this one
 
 
 REFUSAL_MEANING: dict[int, str] = {
@@ -187,4 +189,6 @@ REFUSAL_MEANING: dict[int, str] = {
     RefusalReason.LOG_BEYOND_END: "nothing is sealed at this offset yet; `detail` is the end offset",
     RefusalReason.LOG_BUSY: "not while a log is being written",
     RefusalReason.STORE_FAILED: "the flash did not take the parameters; the set stored before still holds; `detail` is the slot",
+    RefusalReason.NOT_ARMED: "nobody has allowed the board to move since it started: `arm` first; `detail` is the boot id",
+    RefusalReason.WRONG_BOOT: "meant for another start of the board; `detail` is the boot id of this one",
 }

@@ -1623,6 +1623,37 @@ class StopRequest:
         return Ack.unpack(payload)
 
 
+_ARM_REQUEST = struct.Struct("<I")
+
+
+@dataclass(frozen=True, slots=True)
+class ArmRequest:
+    """Allow the board to move until its next start; before that it refuses seq_start, set_effort and set_velocity with not_armed."""
+
+    SIZE: ClassVar[int] = 4
+    ID: ClassVar[int] = 0x43
+    NAME: ClassVar[str] = "arm"
+    CHANGES: ClassVar[bool] = True
+
+    boot_id: int  # of the start meant, from hello
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _ARM_REQUEST.pack(self.boot_id)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> ArmRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 4, False, cls)
+        v = _ARM_REQUEST.unpack_from(payload)
+        return cls(boot_id=v[0])
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> Ack:
+        """Read this request's reply."""
+        return Ack.unpack(payload)
+
+
 _CAN_STATE_REPLY = struct.Struct("<BBHBBBIIIIIIII")
 
 

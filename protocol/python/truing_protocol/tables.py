@@ -21,7 +21,7 @@ LOG_RECORD_VERSION: Final = 2
 CAN_HOST_TO_BOARD: Final = 0x600
 CAN_BOARD_TO_HOST: Final = 0x640
 CAN_NODES: Final = 0x3f
-SCHEMA_HASH: Final = 0x86cb4adb
+SCHEMA_HASH: Final = 0x38f22399
 REFUSAL_ID: Final = 0xff
 REPLY_BIT: Final = 0x80
 
@@ -206,9 +206,9 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
     FaultInfo(
         15,
         "brown_out",
-        False,
+        True,
         "the board's own supply dipped and restarted it; its previous activity is lost",
-        "charge the battery, check plugs and wire sizes, and feed the logic apart from the motors; clearing the fault clears this record",
+        "charge the battery, check plugs and wire sizes, and feed the logic apart from the motors; then clear the fault",
     ),
     FaultInfo(
         16,
@@ -251,6 +251,13 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
         True,
         "the main loop of the program did not run for 40 ms: nobody could have stopped the robot",
         "report this with the firmware version, then clear the fault; a loop that stays hung restarts the board as watchdog_reset",
+    ),
+    FaultInfo(
+        22,
+        "unexpected_reset",
+        True,
+        "the board was reset, by its reset pin or a debug probe, while it drove",
+        "check NRST and its wires for noise, and that no probe or adapter resets the board; then clear the fault",
     ),
 )
 

@@ -61,6 +61,7 @@ class SharedState:
         self._stop_number = 0
         self._chain = PoseChain(start)
         self._requests = Requests()
+        self._wait_for_release = False
         self._lock = threading.Lock()
 
     def publish(self, **changes: object) -> None:
@@ -71,9 +72,14 @@ class SharedState:
     # ---- requests
 
     def request_drive(self, command: DriveCommand) -> None:
-        """Replace the drive command, unless a stop is pending."""
+        """Replace the drive command, unless a stop is pending.
+
+        After a lost link a key that is still held moves nothing until it has been released once.
+        """
         with self._lock:
-            if not self._requests.stop:
+            moving = bool(command.left_mps or command.right_mps)
+            self._wait_for_release = self._wait_for_release and moving
+            if not self._requests.stop and not self._wait_for_release:
                 self._requests.drive = command
 
     def request_stop(self, reason: str) -> int:
@@ -128,6 +134,7 @@ class SharedState:
     def drop_requests(self) -> None:
         """Discard what a lost link can no longer execute; a stop is delivered as soon as the link is back."""
         with self._lock:
+            self._wait_for_release = True
             self._requests.drive, self._requests.run = None, None
 
     # ---- samples
