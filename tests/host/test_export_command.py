@@ -147,11 +147,11 @@ def test_an_unknown_kind_is_answered_with_those_there_are() -> None:
 def test_what_a_kind_holds_is_known_and_what_it_leaves_out_is_said_per_term(kind: str) -> None:
     holds = exporter(kind).HOLDS
     assert holds <= EVERYTHING
-    present = {"friction", "delay", "breakaway", "drag", "offset", "lag", "direction"}
+    present = {"friction", "delay", "breakaway", "drag", "offset", "lag", "deadband", "direction"}
     said = [sentence.split(" ")[0] for sentence in notes(kind, RICH) if "is left out" in sentence]
     assert said == [
         term
-        for term in ("friction", "delay", "breakaway", "drag", "offset", "lag", "direction")
+        for term in ("friction", "delay", "breakaway", "drag", "offset", "lag", "deadband", "direction")
         if term in present - holds
     ]
 

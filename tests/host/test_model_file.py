@@ -33,6 +33,7 @@ def test_a_fitted_model_is_a_baseline_for_the_next_diagnosis(tmp_path: Path) -> 
     assert baseline.log_rate_hz == 20.0
     assert baseline.effects["stribeck_friction"] == {
         "left": 0.041, "right": 0.05, "breakaway_left": 0.041, "breakaway_right": pytest.approx(0.06),
+        "stribeck": 0.02,
     }  # fmt: skip
     assert baseline.effects["input_delay"]["delay"] == pytest.approx(0.5 * 0.0431)
 

@@ -27,6 +27,7 @@ RICH = RobotModel(
         stribeck_mps=0.1,
         drag=0.05,
         lag_s=0.02,
+        deadband=0.03,
     ),
     WheelPhysics(
         1.52,
@@ -34,6 +35,8 @@ RICH = RobotModel(
         delay_s=0.041,
         friction=0.07,
         breakaway_excess=0.02,
+        stribeck_mps=0.06,
+        stribeck_shape=2.0,
         offset=0.01,
         reverse_gain=0.9,
         reverse_friction=1.3,

@@ -44,7 +44,7 @@ RICH = (
 )
 
 
-def recordings(
+def recording_set(
     efforts: tuple[Array, ...] = RICH,
     speeds: tuple[Array, ...] | None = None,
     *,
@@ -52,7 +52,7 @@ def recordings(
     effects: dict[str, dict[str, Any]] | None = None,
     equal: bool = False,
     extra: tuple[dict[str, Array], ...] = (),
-) -> SetData:
+) -> RecordingSet:
     """A set whose wheels moved as `speeds` (n, 2) say, m/s as means over each row; at rest where None."""
     runs = []
     for k, effort in enumerate(efforts):
@@ -67,7 +67,12 @@ def recordings(
         if extra:
             columns |= extra[k]
         runs.append(Run(f"{k:02d}", columns))
-    return set_data(RecordingSet("simulated", tuple(runs), baseline(effects, equal)))
+    return RecordingSet("simulated", tuple(runs), baseline(effects, equal))
+
+
+def recordings(*args: Any, **more: Any) -> SetData:
+    """The same as the diagnosis takes it."""
+    return set_data(recording_set(*args, **more))
 
 
 def by_run(data: SetData, columns: Array) -> tuple[Array, ...]:

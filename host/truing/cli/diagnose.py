@@ -137,7 +137,7 @@ def command(
 
             save_report(recordings, diagnosis, report_path)
             app.say(f"written: {report_path}")
-        for line in write_exports(wanted, recordings, diagnosis) if wanted else []:
+        for line in write_exports(wanted, recordings, diagnosis, wheel) if wanted else []:
             app.say(line)
         if next_run is not None and diagnosis.next_experiment is not None:
             replace_file(next_run, diagnosis.next_experiment.plan.to_toml().encode("utf-8"))

@@ -134,6 +134,11 @@ class Effect:
         """A parameter by its name."""
         return next(item for item in self.parameters if item.name == name)
 
+    def internal(self, given: Mapping[str, float]) -> dict[str, float]:
+        """Internal numbers of an `[effect.NAME]` table; one that it gives by its internal name stands."""
+        own = {item.name for item in self.parameters}
+        return self.from_baseline(given) | {key: value for key, value in given.items() if key in own}
+
     def reported(self, values: Mapping[str, float]) -> dict[str, float]:
         """The reported parameters for internal `values` (with the baseline's four numbers among them)."""
         if self.report is not identity:

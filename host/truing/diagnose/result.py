@@ -410,6 +410,8 @@ class Diagnosis:
     left_over_share : of the mismatch above the noise that no named effect explains, 0 to 1.
     recorder : how each signal was recorded, by signal.
     baseline_effects : effects that the baseline already holds, with their refitted parameters.
+    exact : the same effects and those of the likeliest explanation, by the fit's own numbers, nuisance ones
+        too; kept out of the JSON.
     pose_fit : the same four errors against the outside pose, or None without one.
     not_exercised : effects that these recordings could not have shown.
     weakly_exercised : effects that they could have shown only if strong.
@@ -431,6 +433,7 @@ class Diagnosis:
     left_over_share: float = 0.0
     recorder: Mapping[str, RecordedSignal] = field(default_factory=dict)
     baseline_effects: Mapping[str, Mapping[str, EffectParameter]] = field(default_factory=dict)
+    exact: Mapping[str, Mapping[str, float]] = field(default_factory=dict, repr=False)
     notes: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()
     ranking: tuple[RankedEffect, ...] = ()

@@ -97,6 +97,10 @@ def assemble_result(recordings: RecordingSet, reasoning: Reasoning) -> Diagnosis
         baseline_effects={
             name: effect_parameters(problem, shown, name, first.covariance) for name in problem.base_effects
         },
+        exact={
+            name: problem.simulator.internal(name, shown.theta)
+            for name in (*problem.base_effects, *shown.effects)
+        },
         notes=_notes(reasoning, base, first),
         ranking=_ranking(reasoning),
         noise=_noise(problem),
@@ -431,6 +435,7 @@ def _traces(reasoning: Reasoning, shown: Fit) -> tuple[RunTraces, ...]:
                     reasoning.base.residual.pose,
                     shown.residual.pose,
                 ),
+                problem.measured[rows],
             )
         )
     return tuple(out)

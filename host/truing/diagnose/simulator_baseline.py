@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from truing.arrays import FloatArray
+from truing.diagnose.effect_tables import effect_table
+from truing.diagnose.present.corrected_model import chosen_effects
 from truing.diagnose.result import Check, Diagnosis
 from truing.recording.baseline import Baseline, WheelModel
 from truing.recording.run import WHEELS, RecordingSet
@@ -18,7 +20,8 @@ def equivalent_baseline(baseline: Baseline, found: Diagnosis) -> tuple[Baseline,
     Parameters
     ----------
     baseline : from which the identification started.
-    found : the diagnosis of the simulator's output; effects that it names join the baseline.
+    found : the diagnosis of the simulator's output. Effects of the baseline take the numbers that they have
+        there, and those of the likeliest explanation join it: a delay of the simulator's is not the robot's.
     """
     values = {(entry.wheel, entry.name): entry.with_effects.value for entry in found.numbers}
     wheels = {}
@@ -29,9 +32,11 @@ def equivalent_baseline(baseline: Baseline, found: Diagnosis) -> tuple[Baseline,
             values.get((wheel, "time_constant_s"), given.time_constant_s),
         )
     effects = dict(baseline.effects)
-    if found.verdict == "missing_physics":
-        for effect in found.effects:
-            effects[effect.name] = {name: item.value for name, item in effect.parameters.items()}
+    tables = dict(found.baseline_effects)
+    tables |= {effect.name: effect.parameters for effect in chosen_effects(found)}
+    if found.verdict != "consistent":
+        for name, parameters in tables.items():
+            effects[name] = effect_table(name, parameters, found.exact.get(name, {}), baseline)
     text = f"your simulator is reproduced to {found.fit.model_rmse:.3g} {found.fit.unit} by a baseline"
     extra = sorted(set(effects) - set(baseline.effects))
     if extra:
@@ -44,7 +49,14 @@ def equivalent_baseline(baseline: Baseline, found: Diagnosis) -> tuple[Baseline,
         )
         step = "Give the parameters and effects of your simulator in the baseline"
         checks.append(Check("simulator", text, "warning", step))
-    return replace(baseline, left=wheels["left"], right=wheels["right"], effects=effects), tuple(checks)
+    equivalent = replace(
+        baseline,
+        left=wheels["left"],
+        right=wheels["right"],
+        effects=effects,
+        reference_mps=baseline.full_effort_mps,
+    )
+    return equivalent, tuple(checks)
 
 
 def with_simulator_errors(

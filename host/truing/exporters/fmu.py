@@ -46,6 +46,7 @@ PARAMETERS = (
     ("reverse_friction", ""),
     ("reverse_excess", ""),
     ("lag_s", "s"),
+    ("deadband", ""),
 )
 WHEELBASE_REFERENCE = 10
 FIRST_PARAMETER, PER_WHEEL = 20, 20

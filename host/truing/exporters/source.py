@@ -11,6 +11,9 @@ from truing.model.robot_model import RobotModel, read_robot_model
 from truing.model.wheel import WheelPhysics
 from truing.recording.baseline import Baseline, RobotGeometry, read_baseline
 
+# Speed over which breakaway friction fades where a baseline does not say, of the full-effort speed.
+STRIBECK_SHARE = 0.05
+
 
 def read_model(path: Path) -> tuple[RobotModel, tuple[str, ...]]:
     """Read `path`, and say which of a baseline's effects a wheel's physics cannot express."""
@@ -30,7 +33,7 @@ def from_baseline(baseline: Baseline) -> tuple[RobotModel, tuple[str, ...]]:
     right = WheelPhysics(baseline.right.gain_mps, baseline.right.time_constant_s)
     unused = []
     for name, table in baseline.effects.items():
-        fields = _fields(baseline.path, name, table)
+        fields = _fields(baseline, name, table)
         if fields is None:
             unused.append(f"[effect.{name}] is no part of a wheel's model; left out")
             continue
@@ -43,8 +46,9 @@ def from_baseline(baseline: Baseline) -> tuple[RobotModel, tuple[str, ...]]:
     return RobotModel(left, right, robot, baseline.log_rate_hz, source), tuple(unused)
 
 
-def _fields(path: Path, name: str, table: dict[str, Any]) -> dict[str, tuple[float, float]] | None:
+def _fields(baseline: Baseline, name: str, table: dict[str, Any]) -> dict[str, tuple[float, float]] | None:
     """The physics fields, (left, right), that an effect of the catalogue sets; None: it sets none."""
+    path = baseline.path
 
     def number(key: str) -> float:
         value = table.get(key)
@@ -60,7 +64,11 @@ def _fields(path: Path, name: str, table: dict[str, Any]) -> dict[str, tuple[flo
     if name == "stribeck_friction":
         running, breakaway = pair(), pair("breakaway_left", "breakaway_right")
         excess = (max(breakaway[0] - running[0], 0.0), max(breakaway[1] - running[1], 0.0))
-        return {"friction": running, "breakaway_excess": excess}
+        # Squared exponent and usual speed are those of the diagnosis' own equation.
+        usual = STRIBECK_SHARE * max(baseline.left.gain_mps, baseline.right.gain_mps)
+        fading = number("stribeck") if "stribeck" in table else usual
+        more = {"stribeck_mps": (fading, fading), "stribeck_shape": (2.0, 2.0)}
+        return {"friction": running, "breakaway_excess": excess} | more
     if name == "quadratic_drag":
         return {"drag": pair()}
     if name == "input_delay":
@@ -69,4 +77,8 @@ def _fields(path: Path, name: str, table: dict[str, Any]) -> dict[str, tuple[flo
         return {"lag_s": pair("time_constant", "time_constant")}
     if name == "direction_asymmetry":
         return {"reverse_gain": pair()}
+    if name == "driver_deadband":
+        return {"deadband": pair("deadband", "deadband")}
+    if name == "speed_filter":
+        return {"recorder_lag_s": pair("time_constant", "time_constant")}
     return None

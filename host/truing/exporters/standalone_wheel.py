@@ -32,6 +32,7 @@ class Wheel:
         self._offset = value("offset", 0.0)
         self._lag = value("lag_s", 0.0)
         self._delay = value("delay_s", 0.0)
+        self._deadband = value("deadband", 0.0)
         self._small_steps = self._drag != 0.0 or self._lag > 0.0 or (self._stribeck > 0.0 and excess > 0.0)
         self.reset()
 
@@ -56,7 +57,8 @@ class Wheel:
             while self._coming and self._coming[0][0] <= self.time_s + 1e-12:
                 self._effort = self._coming.popleft()[1]
             until = min(end, self._coming[0][0]) if self._coming else end
-            self._roll(self._effort + self._offset, until - self.time_s)
+            driven = math.copysign(max(abs(self._effort) - self._deadband, 0.0), self._effort)
+            self._roll(driven + self._offset, until - self.time_s)
             self.time_s = until
             if until >= end:
                 return self.speed_mps

@@ -22,6 +22,7 @@ TERMS: dict[str, dict[str, str]] = {
     "drag": {"drag": "effort/(m/s)^2"},
     "offset": {"offset": "effort"},
     "lag": {"lag_s": "s"},
+    "deadband": {"deadband": "effort"},
     "direction": {
         "reverse_gain": "reverse over forward",
         "reverse_time_constant": "reverse over forward",

@@ -58,7 +58,7 @@ class Coordinates:
         return len(self.structure.free)
 
     def values(self, theta: FloatArray) -> FloatArray:
-        """Physical values (17,) for a search vector."""
+        """Physical values (18,) for a search vector."""
         values = self.base.copy()
         for k, name in enumerate(self.structure.free):
             values[_POSITION[name]] = np.exp(theta[k]) if FREEDOMS[name].log else theta[k]

@@ -3,6 +3,7 @@
 The equation, in effort units, for a wheel that turns in direction s = sign(v):
 
     tau_s dv/dt = gain_s (u(t - delay) + offset - s F_s(|v|)) - v
+    u           = sign(e) max(|e| - deadband, 0) of the effort e
     F_s(|v|)    = friction_s + excess_s exp(-(|v| / stribeck_mps)^shape) + drag |v|^2
 
 At rest the wheel stays exactly at rest while |u + offset| <= friction_s + excess_s. The input is
@@ -36,7 +37,8 @@ RECORDER_LAG_S = 13  # first-order filter of the reported speed
 RECORDER_WINDOW_S = 14  # the reported speed is a mean over this long; 0: see `mean_over_interval`
 SUPPLY_SHARE = 15  # how much of the relative change of the supply acts on the wheel
 LAG_S = 16  # first-order lag ahead of the motor (driver filter, winding)
-PARAMETER_COUNT = 17
+DEADBAND = 17  # effort below which the driver gives nothing, and which it takes off above
+PARAMETER_COUNT = 18
 
 # The wheel's state.
 STATE = np.dtype([
@@ -158,7 +160,10 @@ def _simulate(p: FloatArray, inputs: Inputs, outputs: Outputs, segment: int, max
 @part
 def _drive(p: FloatArray, inputs: Inputs, j: int) -> float:
     """Effort of a piece, with the supply's deviation and the offset."""
-    u = inputs.piece_effort[j] * (1.0 + p[SUPPLY_SHARE] * inputs.piece_supply[j])
+    u = inputs.piece_effort[j]
+    if p[DEADBAND] > 0.0:
+        u = math.copysign(max(abs(u) - p[DEADBAND], 0.0), u)
+    u *= 1.0 + p[SUPPLY_SHARE] * inputs.piece_supply[j]
     return float(u + p[OFFSET])
 
 

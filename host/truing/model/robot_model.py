@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ from truing.recording.run import Wheel
 from truing.recording.writer import replace_file
 
 SCHEMA = 1
+# Speed over which breakaway friction fades that stands for none, as a share of the full-effort speed.
+AT_REST = 0.002
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,8 +47,13 @@ class RobotModel:
         """One wheel's physics."""
         return self.left if side == "left" else self.right
 
-    def to_toml(self) -> str:
-        """The file's text; reading it back gives the same numbers to the last bit."""
+    def to_toml(self, effects: Mapping[str, Mapping[str, float]] | None = None) -> str:
+        """The file's text; reading it back gives the same numbers to the last bit.
+
+        Parameters
+        ----------
+        effects : the [effect.NAME] tables, where there are more than the wheels' physics can hold.
+        """
         tables: list[tuple[str, dict[str, Any]]] = [("", {"schema": SCHEMA})]
         robot: dict[str, Any] = {"name": self.robot.name} if self.robot.name else {}
         for name in ("wheel_radius_m", "wheelbase_m", "counts_per_rev"):
@@ -60,7 +68,8 @@ class RobotModel:
             )
         if self.rate_hz is not None:
             tables.append(("log", {"rate_hz": self.rate_hz}))
-        tables.extend((f"effect.{name}", table) for name, table in self.effects().items())
+        held = self.effects() if effects is None else effects
+        tables.extend((f"effect.{name}", dict(table)) for name, table in held.items())
         tables.append(("model.left", self.left.to_table()))
         tables.append(("model.right", self.right.to_table()))
         if self.source:
@@ -78,6 +87,9 @@ class RobotModel:
                 "right": right.friction,
                 "breakaway_left": left.friction + left.breakaway_excess,
                 "breakaway_right": right.friction + right.breakaway_excess,
+                # Breakaway friction at rest alone: over the shortest speed that the diagnosis knows.
+                "stribeck": max(left.stribeck_mps, right.stribeck_mps)
+                or AT_REST * max(left.gain_mps, right.gain_mps),
             }
         elif any(wheel.friction for wheel in both):
             found["coulomb_friction"] = {"left": left.friction, "right": right.friction}
@@ -87,6 +99,8 @@ class RobotModel:
             found["input_delay"] = {"delay": 0.5 * (left.delay_s + right.delay_s)}
         if any(wheel.lag_s for wheel in both):
             found["driver_lag"] = {"time_constant": 0.5 * (left.lag_s + right.lag_s)}
+        if any(wheel.deadband for wheel in both):
+            found["driver_deadband"] = {"deadband": 0.5 * (left.deadband + right.deadband)}
         if any(wheel.reverse_gain != 1.0 for wheel in both):
             found["direction_asymmetry"] = {"left": left.reverse_gain, "right": right.reverse_gain}
         if any(wheel.recorder_lag_s for wheel in both):

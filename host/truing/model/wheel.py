@@ -37,6 +37,7 @@ class WheelPhysics:
         is a duty cycle, 0 when the recorder gives effort as a voltage.
     recorder_lag_s : first-order filter between the wheel's speed and the reported one, s.
     recorder_window_s : the reported speed is a mean over this long, s; 0: over the interval.
+    deadband : effort below which the driver gives nothing, and which it takes off above.
     """
 
     gain_mps: float
@@ -56,9 +57,10 @@ class WheelPhysics:
     supply_share: float = 0.0
     recorder_lag_s: float = 0.0
     recorder_window_s: float = 0.0
+    deadband: float = 0.0
 
     def to_vector(self) -> FloatArray:
-        """Values in the order of the fields, shape (17,)."""
+        """Values in the order of the fields, shape (18,)."""
         return np.array([getattr(self, name) for name in PHYSICS_FIELDS], dtype=np.float64)
 
     @classmethod
@@ -83,7 +85,7 @@ class WheelPhysics:
         for name in ("time_constant_s", "reverse_time_constant"):
             if values.get(name, 1.0) <= 0.0:
                 raise TruingError(f"{where}: {name} must be above zero")
-        for name in ("delay_s", "friction", "breakaway_excess", "stribeck_mps", "lag_s"):
+        for name in ("delay_s", "friction", "breakaway_excess", "stribeck_mps", "lag_s", "deadband"):
             if values.get(name, 0.0) < 0.0:
                 raise TruingError(f"{where}: {name} must not be below zero")
         return cls(**values)
@@ -126,6 +128,7 @@ def kernel_vector(values: FloatArray) -> FloatArray:
     p[kernel.RECORDER_WINDOW_S] = value("recorder_window_s")
     p[kernel.SUPPLY_SHARE] = value("supply_share")
     p[kernel.LAG_S] = value("lag_s")
+    p[kernel.DEADBAND] = value("deadband")
     return p
 
 
@@ -147,7 +150,7 @@ def simulate_physics(
 
     Parameters
     ----------
-    values : shape (17,), in the order of `PHYSICS_FIELDS`.
+    values : shape (18,), in the order of `PHYSICS_FIELDS`.
     initial_mps : shape (segments,), m/s, speed at the first row of every segment.
     """
     inputs = kernel.Inputs(

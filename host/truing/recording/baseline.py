@@ -40,8 +40,9 @@ class RobotGeometry:
 class Baseline:
     """A whole baseline.toml; `robot` is None when the file has no [robot] table.
 
-    `effects` holds the optional [effect.NAME] tables as they stand: one per physical effect
-    that the user's simulation already contains.
+    `reference_mps` are the full-effort speeds (left, right) that effects' numbers refer to, where these are
+    not the gains: those of the baseline that the effects were found with. `effects` holds the optional
+    [effect.NAME] tables as they stand: one per physical effect that the user's simulation already contains.
     """
 
     path: Path
@@ -50,6 +51,12 @@ class Baseline:
     robot: RobotGeometry | None = None
     log_rate_hz: float | None = None
     effects: dict[str, dict[str, Any]] = field(default_factory=dict)
+    reference_mps: tuple[float, float] | None = None
+
+    @property
+    def full_effort_mps(self) -> tuple[float, float]:
+        """The speeds (left, right) that effects' numbers refer to, m/s."""
+        return self.reference_mps or (self.left.gain_mps, self.right.gain_mps)
 
     @property
     def metres_per_count(self) -> float | None:
@@ -78,6 +85,11 @@ def read_baseline(path: str | Path) -> Baseline:
         raise BaselineError(path, f"byte {error.start} is not UTF-8 text") from None
     except OSError as error:
         raise BaselineError(path, f"cannot be read: {error.strerror}") from None
+    return parse_baseline(text, path)
+
+
+def parse_baseline(text: str, path: Path) -> Baseline:
+    """A baseline from its text; errors name `path` and the key."""
     try:
         tree = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -96,6 +108,7 @@ def read_baseline(path: str | Path) -> Baseline:
             name: dict(reader.table(tree.get("effect", {}), name, prefix="effect."))
             for name in reader.table(tree, "effect")
         },
+        reference_mps=reader.reference(tree),
     )
 
 
@@ -143,6 +156,19 @@ class _Reader:
         assert gain is not None
         assert time_constant is not None
         return WheelModel(gain, time_constant)
+
+    def reference(self, tree: dict[str, Any]) -> tuple[float, float] | None:
+        """The [reference] table: both speeds, or none."""
+        table = self.table(tree, "reference")
+        if not table:
+            return None
+        left, right = (
+            self.positive(table, "reference", f"full_effort_{side}_mps", required=True)
+            for side in ("left", "right")
+        )
+        assert left is not None
+        assert right is not None
+        return left, right
 
     def robot(self, table: dict[str, Any]) -> RobotGeometry:
         return RobotGeometry(

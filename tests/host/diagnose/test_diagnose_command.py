@@ -65,7 +65,7 @@ def test_json_report_export_and_next_run_are_written_where_asked(tmp_path: Path,
 def test_the_corrected_model_is_a_baseline_that_contains_what_was_missing(tmp_path: Path, verdict) -> None:
     drop = {"drop_at_stall": diagnoses.EffectParameter(0.1, (0.09, 0.11), "1")}
     sag = diagnoses.deadband(name="supply_sag", parameters=drop)
-    verdict(diagnoses.missing_physics(effects=(diagnoses.friction(), sag)))
+    verdict(diagnoses.missing_physics(effects=(diagnoses.friction(), sag), traces=()))
     file = tmp_path / "m.toml"
     result = run(write_set(tmp_path / "set"), "--export", f"toml:{file}")
     baseline = read_baseline(file)

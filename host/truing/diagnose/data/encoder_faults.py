@@ -16,7 +16,7 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.diagnose.data.valid_rows import wheel_speeds
-from truing.diagnose.result import Check, Diagnosis, EffectParameter, MismatchSpan
+from truing.diagnose.result import Check, Diagnosis, EffectParameter, MismatchSpan, WheelNumbers
 from truing.recording.baseline import Baseline
 from truing.recording.run import MOTION_PAIRS, WHEELS, RecordingSet, Run, Wheel
 
@@ -116,11 +116,24 @@ def with_encoder_fault(of_other: Diagnosis, found: EncoderFault) -> Diagnosis:
         of_other,
         verdict="unexplained",
         effects=(),
+        exact={},
+        # What the other wheel's effects leave is told in the note; the result is the refitted baseline.
+        fit=replace(
+            of_other.fit,
+            model_rmse=of_other.fit.refit_rmse,
+            heldout_model_rmse=of_other.fit.heldout_refit_rmse,
+        ),
+        numbers=tuple(_refitted(entry) for entry in of_other.numbers),
         mismatch=found.spans,
         next_experiment=None,
         notes=(*of_other.notes, note),
         checks=(found.check(), *of_other.checks),
     )
+
+
+def _refitted(entry: WheelNumbers) -> WheelNumbers:
+    value = entry.refitted
+    return replace(entry, with_effects=EffectParameter(value, (value, value), entry.unit))
 
 
 @dataclass(frozen=True, slots=True)

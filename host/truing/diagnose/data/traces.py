@@ -39,6 +39,7 @@ class RunTraces:
         named.
     noise_sd : shape (n, 2), m/s, quantisation and disturbance together.
     valid : shape (n, 2); False where a row is not valid (first row, behind a gap, saturated).
+    weight : shape (n, 2), recorded rows that each row stands for in a free-run error; None: one each.
     wheel_angle : shape (n, 2), rad, from counts or travel; None without geometry.
     heading : shape (n,), rad; None where unknown.
     start_s : when the run began, from the start of the set, s.
@@ -58,3 +59,4 @@ class RunTraces:
     heading: FloatArray | None = None
     start_s: float = 0.0
     pose: PoseTraces | None = None
+    weight: FloatArray | None = None

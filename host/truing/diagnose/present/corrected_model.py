@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from truing.diagnose.catalogue import CATALOGUE
+from truing.diagnose.effect_tables import effect_table
 from truing.diagnose.present.text import alternatives, effect_title, joined
-from truing.diagnose.result import Diagnosis, EffectParameter, NamedEffect
+from truing.diagnose.result import Diagnosis, NamedEffect
 from truing.exporters.source import from_baseline
 from truing.model.robot_model import RobotModel
 from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
@@ -32,9 +31,12 @@ class CorrectedModel:
 
     def to_toml(self) -> str:
         """A model file that is a baseline with every effect in it, also those that no wheel's physics has."""
-        held = self.model.effects()
-        more = [_table(name, table) for name, table in self.baseline.effects.items() if name not in held]
-        return "\n".join([self.model.to_toml(), *more])
+        tables = {name: dict(table) for name, table in self.baseline.effects.items()}
+        text = self.model.to_toml(tables)
+        if self.baseline.reference_mps is not None:
+            left, right = self.baseline.reference_mps
+            text += f"\n[reference]\nfull_effort_left_mps = {left!r}\nfull_effort_right_mps = {right!r}\n"
+        return text
 
 
 def corrected_model(diagnosis: Diagnosis, baseline: Baseline) -> CorrectedModel:
@@ -50,9 +52,10 @@ def corrected_model(diagnosis: Diagnosis, baseline: Baseline) -> CorrectedModel:
     effects: dict[str, dict[str, Any]] = {name: dict(table) for name, table in baseline.effects.items()}
     if diagnosis.verdict != "consistent":
         for name, parameters in diagnosis.baseline_effects.items():
-            effects[name] = _complete(name, parameters, baseline)
+            effects[name] = effect_table(name, parameters, diagnosis.exact.get(name, {}), baseline)
     for effect in chosen:
-        effects[effect.name] = _complete(effect.name, effect.parameters, baseline)
+        exact = diagnosis.exact.get(effect.name, {})
+        effects[effect.name] = effect_table(effect.name, effect.parameters, exact, baseline)
     left, right = (_wheel(diagnosis, baseline, side) for side in ("left", "right"))
     robot = baseline.robot
     if "wheelbase_error" in effects and robot is not None and robot.wheelbase_m is not None:
@@ -62,21 +65,15 @@ def corrected_model(diagnosis: Diagnosis, baseline: Baseline) -> CorrectedModel:
         left, right = _sides(left, right, effects.pop("side_asymmetry"))
     corrected = replace(baseline, left=left, right=right, robot=robot, effects=effects)
     model, unused = from_baseline(corrected)
+    if set(effects) - set(model.effects()):
+        # Some effects are shares of the full-effort speed: they keep the one that they were found with.
+        corrected = replace(corrected, reference_mps=baseline.full_effort_mps)
     named = tuple(effect_title(effect.name) for effect in chosen)
     source = {"diagnosis": f"{diagnosis.name}, {diagnosis.verdict.replace('_', ' ')}"}
     if named:
         source["added"] = joined(named)
     model = replace(model, robot=corrected.robot or RobotGeometry(), source=source)
     return CorrectedModel(corrected, model, (*notes, *unused))
-
-
-def _complete(name: str, parameters: Mapping[str, EffectParameter], baseline: Baseline) -> dict[str, Any]:
-    """The table of an effect; a wheel that was not diagnosed keeps the baseline's, or has no effect."""
-    numbers = {"gain_left": baseline.left.gain_mps, "gain_right": baseline.right.gain_mps}
-    numbers |= {"tau_left": baseline.left.time_constant_s, "tau_right": baseline.right.time_constant_s}
-    entry = CATALOGUE[name]
-    absent = entry.reported({item.name: item.off for item in entry.parameters} | numbers)
-    return absent | baseline.effects.get(name, {}) | {key: item.value for key, item in parameters.items()}
 
 
 def chosen_effects(diagnosis: Diagnosis) -> tuple[NamedEffect, ...]:
@@ -107,9 +104,3 @@ def _sides(left: WheelModel, right: WheelModel, ratios: dict[str, Any]) -> tuple
         WheelModel(left.gain_mps * gain, left.time_constant_s * constant),
         WheelModel(right.gain_mps / gain, right.time_constant_s / constant),
     )
-
-
-def _table(name: str, table: dict[str, Any]) -> str:
-    lines = [f"[effect.{name}]"]
-    lines += [f"{key} = {float(value)!r}" for key, value in table.items() if isinstance(value, int | float)]
-    return "\n".join(lines) + "\n"

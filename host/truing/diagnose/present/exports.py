@@ -8,10 +8,11 @@ from pathlib import Path
 
 from truing.diagnose.present.compensation import compensate
 from truing.diagnose.present.corrected_model import corrected_model
+from truing.diagnose.present.export_check import FAILED, check_baseline, check_format
 from truing.diagnose.result import Diagnosis
 from truing.errors import TruingError
 from truing.exporters import exporter, exporters, notes
-from truing.recording.run import RecordingSet
+from truing.recording.run import RecordingSet, Wheel
 from truing.recording.writer import replace_file
 from truing_protocol import PARAMETERS
 
@@ -42,8 +43,15 @@ def parse_exports(texts: Sequence[str]) -> tuple[Export, ...]:
     return tuple(found)
 
 
-def write_exports(wanted: Sequence[Export], recordings: RecordingSet, diagnosis: Diagnosis) -> list[str]:
-    """Write each file; one line for each, and one for everything that a format cannot hold."""
+def write_exports(
+    wanted: Sequence[Export], recordings: RecordingSet, diagnosis: Diagnosis, wheel: Wheel | None = None
+) -> list[str]:
+    """Write each file; one line for each, one for everything that a format cannot hold, and what that costs.
+
+    Parameters
+    ----------
+    wheel : the one that was diagnosed alone; None: both.
+    """
     baseline = recordings.baseline
     assert baseline is not None
     corrected = corrected_model(diagnosis, baseline)
@@ -52,12 +60,18 @@ def write_exports(wanted: Sequence[Export], recordings: RecordingSet, diagnosis:
         if export.kind == BOARD:
             lines += _write_parameters(export.path, recordings, diagnosis)
         elif export.kind == "toml":
-            replace_file(export.path, corrected.to_toml().encode("utf-8"))
-            lines.append(f"written: {export.path}")
+            text = corrected.to_toml()
+            checked = check_baseline(text, export.path, recordings, diagnosis, wheel)
+            if any(line.startswith(FAILED) for line in checked):
+                lines += [f"not written: {export.path} ({line.removeprefix(FAILED)})" for line in checked]
+                continue
+            replace_file(export.path, text.encode("utf-8"))
+            lines += [f"written: {export.path}", *checked]
         else:
             files = exporter(export.kind).write(corrected.model, export.path)
             lines += [f"written: {file}" for file in files]
             lines += [f"note: {export.kind}: {note}" for note in notes(export.kind, corrected.model)]
+            lines += check_format(export.kind, corrected, diagnosis)
     return lines
 
 

@@ -119,7 +119,7 @@ class SetSimulator:
             if name in self.baseline.effects:
                 given = {key: float(value) for key, value in self.baseline.effects[name].items()}
                 numbers = dict(zip(self.layout.names[:4], theta[:4].tolist(), strict=True))
-                for key, value in effect.from_baseline(given | numbers).items():
+                for key, value in effect.internal(given | numbers).items():
                     if key not in numbers:
                         index = self.layout.index(f"{name}.{key}")
                         theta[index] = value / self.layout.scale[index]
@@ -141,6 +141,12 @@ class SetSimulator:
         values = {item.name: float(plain[offset + k]) for k, item in enumerate(parameters)}
         values |= {name: float(plain[k]) for k, name in enumerate(self.layout.names[:4])}
         return self.catalogue[effect].reported(values)
+
+    def internal(self, effect: str, theta: FloatArray) -> dict[str, float]:
+        """All parameters of one effect by their internal names, nuisance ones too, in plain units."""
+        names = [item.name for item in self.catalogue[effect].parameters]
+        plain = theta * self.layout.scale
+        return {name: float(plain[self._offsets[effect] + k]) for k, name in enumerate(names)}
 
     def range_of(self, effect: str, name: str) -> tuple[float, float]:
         """Smallest and largest value that a reported parameter of an effect can have, in its unit."""
@@ -326,7 +332,7 @@ class SetSimulator:
         nothing = np.zeros((len(data), 2))
         angles = nothing if data.angle_rad is None else data.angle_rad
         origins = nothing if data.origin_rad is None else data.origin_rad
-        top_mps = np.array([self.baseline.left.gain_mps, self.baseline.right.gain_mps])
+        top_mps = np.array(self.baseline.full_effort_mps)
         self._inputs = Inputs(
             start=data.starts,
             first_piece=np.stack([pieces.starts for pieces in data.pieces]).astype(np.int64),

@@ -82,6 +82,12 @@ static void roll(struct wheel *wheel, double drive, double duration_s)
     }
 }
 
+/* What the driver makes of an effort: nothing within its dead band, and less by it beyond. */
+static double driven(const struct wheel *wheel, double effort)
+{
+    return copysign(fmax(fabs(effort) - wheel->parameter[DEADBAND], 0.0), effort);
+}
+
 bool wheel_step(struct wheel *wheel, double begin_s, double duration_s)
 {
     const double end = begin_s + duration_s;
@@ -103,7 +109,7 @@ bool wheel_step(struct wheel *wheel, double begin_s, double duration_s)
             wheel->count--;
         }
         const double until = wheel->count > 0u ? fmin(end, wheel->queue[wheel->first].arrival_s) : end;
-        roll(wheel, wheel->effort + wheel->parameter[OFFSET], until - now);
+        roll(wheel, driven(wheel, wheel->effort) + wheel->parameter[OFFSET], until - now);
         now = until;
         if (until >= end) {
             return true;
@@ -122,8 +128,9 @@ const char *wheel_problem(const struct wheel *wheel)
     if (p[TIME_CONSTANT] <= 0.0 || p[REVERSE_TIME_CONSTANT] <= 0.0) {
         return "a time constant must be above zero";
     }
-    if (p[DELAY] < 0.0 || p[LAG] < 0.0 || p[FRICTION] < 0.0 || p[BREAKAWAY_EXCESS] < 0.0) {
-        return "delay, lag and friction must not be below zero";
+    if (p[DELAY] < 0.0 || p[LAG] < 0.0 || p[FRICTION] < 0.0 || p[BREAKAWAY_EXCESS] < 0.0 ||
+        p[DEADBAND] < 0.0) {
+        return "delay, lag, friction and dead band must not be below zero";
     }
     return NULL;
 }

@@ -19,6 +19,7 @@ enum parameter {
     REVERSE_FRICTION,
     REVERSE_EXCESS,
     LAG,
+    DEADBAND,
     PARAMETERS,
 };
 
