@@ -5,6 +5,7 @@
 #include "clock.h"
 #include "controller.h"
 #include "cortex.h"
+#include "debugger.h"
 #include "encoders.h"
 #include "hal.h"
 #include "identity.h"
@@ -122,6 +123,7 @@ int main(void)
     watchdog_start();
     start_peripheral_clocks();
     motors_start(CLOCK_RESET_HZ); /* brakes: a robot that restarts at speed must not wait for the crystal */
+    debugger_brakes();
     clock_start(&clock);
     motors_start(clock.timer_apb2_hz);
     encoders_start(clock.timer_apb1_hz);

@@ -150,6 +150,13 @@ _Static_assert(sizeof(struct rcc) == 0x78, "RCC_CSR lies at 0x74");
 #define CCM_ADDRESS 0x10000000u
 #define CCM_SIZE    0x10000u
 
+/* What stops while a debugger halts the core, section 38.16; kept through every reset but power-on. */
+#define DBGMCU_APB1_FZ           (*(reg32 *)DBGMCU_APB1_FZ_ADDRESS)
+#define DBGMCU_APB2_FZ           (*(reg32 *)0xE004200Cu)
+#define DBGMCU_APB1_FZ_ADDRESS   0xE0042008u
+#define DBGMCU_APB1_FZ_IWDG_STOP (1u << 12)
+#define DBGMCU_APB2_FZ_TIM1_STOP (1u << 0)
+
 /* Device identity, section 38.6.1, and the unique device id, section 39.1. */
 #define DBGMCU_IDCODE_ADDRESS 0xE0042000u
 #define UID_ADDRESS           0x1FFF7A10u

@@ -122,6 +122,10 @@ static void reset_peripherals(struct board *b, enum board_reset cause)
     exti_reset(b);
     b->pwr_cr = 0x4000u;
     b->rng_cr = 0;
+    if (cause == BOARD_RESET_POWER) {
+        b->halted = false;
+        memset(b->dbgmcu, 0, sizeof b->dbgmcu);
+    }
     b->syscfg_memrmp = b->syscfg_pmc = 0;
     memset(b->syscfg_exticr, 0, sizeof b->syscfg_exticr);
     nvic_refresh(b);

@@ -77,6 +77,8 @@ void board_set_crystal(struct board *board, bool alive);
 void board_set_crystal_hz(struct board *board, uint32_t hz);
 /* The internal low-speed oscillator's true frequency, 17 to 47 kHz on the chip; from the next reset on. */
 void board_set_lsi_hz(struct board *board, uint32_t hz);
+/* A debugger halts the core, or lets it go on; what DBGMCU freezes stops with it. */
+void board_set_halted(struct board *board, bool halted);
 /* Flash takes the longest times of the datasheet instead of the typical ones. */
 void board_set_flash_slow(struct board *board, bool slow);
 /* From now on no conversion of any ADC ends. */

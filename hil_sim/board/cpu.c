@@ -460,7 +460,7 @@ void cpu_run(struct board *b)
             b->tlb_stale = false;
             uc_ctl_flush_tlb(b->uc);
         }
-        if (!b->powered || b->locked_up || b->clock_dead) {
+        if (!b->powered || b->locked_up || b->halted || b->clock_dead) {
             if (b->now >= b->target) {
                 return;
             }

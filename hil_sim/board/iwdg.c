@@ -50,6 +50,21 @@ static void reload(struct board *b, uint64_t now_ps)
     }
 }
 
+/* A debugger holds the counter. */
+void iwdg_freeze(struct board *b, bool frozen)
+{
+    struct iwdg *w = &b->iwdg;
+    const uint64_t now_ps = time_to_ps(b, b->moment);
+    if (frozen) {
+        w->frozen_ps = now_ps;
+        event_cancel(b, EVENT_IWDG);
+    } else if (w->frozen_ps != 0) {
+        w->deadline_ps += now_ps - w->frozen_ps;
+        w->frozen_ps = 0;
+        schedule(b);
+    }
+}
+
 void iwdg_event(struct board *b)
 {
     const uint64_t now_ps = time_to_ps(b, b->moment);

@@ -196,6 +196,7 @@ struct iwdg {
     uint32_t pvu, rvu;
     bool running, unlocked, updating;
     uint64_t updating_until_ps, deadline_ps;
+    uint64_t frozen_ps; /* since when a debugger holds it; 0: it counts */
 };
 
 struct exti {
@@ -245,7 +246,7 @@ struct board {
     uint32_t sram_code_pages[SRAM_SIZE / CODE_PAGE / 32]; /* one bit for each page that code has run from */
     uint32_t accesses;                                    /* register accesses within the block */
     uint32_t it_left;                                     /* the next block begins inside an IT block */
-    bool at_block, needs_check, reset_wanted, sleeping, locked_up, clock_dead, powered, no_fp;
+    bool at_block, needs_check, reset_wanted, sleeping, locked_up, halted, clock_dead, powered, no_fp;
     bool tlb_stale; /* the engine's translation cache has to be emptied between two blocks */
     bool it_stale;  /* the engine's ITSTATE may be out of date */
     enum board_reset reset_cause;
@@ -359,6 +360,7 @@ bool scb_access(struct board *b, uint32_t offset, bool write, uint32_t *value, u
 bool systick_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 void systick_event(struct board *b);
 void systick_reset(struct board *b);
+void systick_freeze(struct board *b, bool frozen);
 
 /* bus.c */
 uint64_t bus_read(uc_engine *uc, uint64_t offset, unsigned size, void *region);
@@ -411,6 +413,7 @@ void adc_event(struct board *b, int adc);
 bool iwdg_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 void iwdg_reset(struct board *b);
 void iwdg_event(struct board *b);
+void iwdg_freeze(struct board *b, bool frozen);
 bool rng_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 bool exti_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 void exti_reset(struct board *b);
@@ -419,6 +422,7 @@ void exti_schedule(struct board *b);
 void exti_event(struct board *b, int encoder);
 bool syscfg_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 bool pwr_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
+bool dbgmcu_freezes_tim(const struct board *b, int timer);
 bool dbgmcu_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 
 /* trace.c */

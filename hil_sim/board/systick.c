@@ -56,6 +56,17 @@ void systick_event(struct board *b)
     schedule(b);
 }
 
+void systick_freeze(struct board *b, bool frozen)
+{
+    if (frozen) {
+        fold(b);
+        event_cancel(b, EVENT_SYSTICK);
+    } else {
+        b->systick.origin = b->moment;
+        schedule(b);
+    }
+}
+
 void systick_reset(struct board *b)
 {
     memset(&b->systick, 0, sizeof b->systick);

@@ -372,6 +372,10 @@ class VirtualRobot(Simulated):
         else:
             self._library.rig_reset(self._rig, int(cause))
 
+    def set_halted(self, halted: bool) -> None:
+        """Halt the core as a debugger does, or let it go on; peripherals run on unless DBGMCU stops them."""
+        self._library.board_set_halted(self._board, halted)
+
     def set_lsi_hz(self, hz: int) -> None:
         """Let the watchdog's oscillator run at this frequency from the next reset on (17 to 47 kHz)."""
         self._library.board_set_lsi_hz(self._board, hz)
