@@ -62,6 +62,7 @@ def command(
     (JointState, Odometry, Twist), MCAP, MATLAB .mat, and any CSV through a mapping file:
 
     \b
+      effort = "after"       # optional: a row's effort acts in the interval after it
       [columns]
       t_s = { column = "time", scale = 1e-3 }      # milliseconds
       effort_left = { column = "pwmLeft", scale = 0.00392 }

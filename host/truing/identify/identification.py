@@ -9,6 +9,7 @@ import numpy as np
 
 from truing.identify.data_checks import Finding, check_set, refuse_absurd
 from truing.identify.effort_checks import refuse_efforts
+from truing.identify.effort_row import effort_row
 from truing.identify.first_order import FirstOrderFit, fit_first_order
 from truing.identify.step_metrics import StepMetrics, step_metrics
 from truing.progress import Progress, ignore_progress
@@ -115,7 +116,12 @@ def identify_set(recordings: RecordingSet, progress: Progress = ignore_progress)
         scale = speed_scale(recordings, wheel)
         fits.append(fit_first_order(members, wheel, recordings.baseline, label=label, scale_mps=scale))
         progress(0.3 + 0.7 * number / len(jobs))
-    return Identification(recordings.name, tuple(runs), _mark_uncertain_ramps(fits), check_set(recordings))
+    findings = check_set(recordings)
+    offset = effort_row(recordings)
+    if offset is not None and offset.sentence():
+        text = f"{offset.sentence()}. {offset.advice()}"
+        findings += (Finding(recordings.runs[0].name, text, offset.wheel, "effort_row"),)
+    return Identification(recordings.name, tuple(runs), _mark_uncertain_ramps(fits), findings)
 
 
 def speed_scale(recordings: RecordingSet, wheel: Wheel) -> float:

@@ -13,6 +13,7 @@ from truing.errors import IdentifyError
 from truing.identify.arx import ArxFit, fit_arx_signal
 from truing.identify.data_checks import refuse_absurd
 from truing.identify.effort_checks import refuse_efforts
+from truing.identify.effort_row import effort_row
 from truing.identify.grey_box import WheelFit, fit_wheel
 from truing.identify.held_out import simplest_good
 from truing.identify.identifiable import STEPS_ADVICE, TIME_CONSTANT, at_a_bound
@@ -65,13 +66,17 @@ class WheelModels:
 
 @dataclass(frozen=True, slots=True)
 class SetModels:
-    """Every model of a recording set; a wheel that cannot be fitted is in `refused` with the reason."""
+    """Every model of a recording set; a wheel that cannot be fitted is in `refused` with the reason.
+
+    `notes` say what holds for the recordings as a whole.
+    """
 
     name: str
     wheels: tuple[WheelModels, ...]
     refused: dict[Wheel, str]
     robot: RobotGeometry
     rate_hz: float
+    notes: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """For `--json`."""
@@ -79,6 +84,7 @@ class SetModels:
             "name": self.name,
             "wheels": [wheel.to_json() for wheel in self.wheels],
             "refused": dict(self.refused),
+            "notes": list(self.notes),
         }
 
     def robot_model(self) -> RobotModel:
@@ -157,7 +163,11 @@ def fit_models(
     baseline = recordings.baseline
     robot = baseline.robot if baseline is not None and baseline.robot is not None else RobotGeometry()
     rate = float(np.median([run.rate_hz for run in recordings]))
-    return SetModels(recordings.name, tuple(wheels), refused, robot, rate)
+    offset = effort_row(recordings)
+    notes: tuple[str, ...] = ()
+    if offset is not None and offset.sentence():
+        notes = (f"{offset.wheel} wheel: {offset.sentence()}. {offset.advice()}",)
+    return SetModels(recordings.name, tuple(wheels), refused, robot, rate, notes)
 
 
 def _fit_wheel_models(recordings: RecordingSet, wheel: Wheel, names: tuple[str, ...]) -> WheelModels:

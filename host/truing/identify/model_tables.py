@@ -31,6 +31,7 @@ def _errors(models: SetModels) -> PlainTable:
             table.rows.append([wheel.wheel, name, *(f"{error:.2f}" for error in errors)])
         table.remarks += [f"! {wheel.wheel}: {note}" for note in (*wheel.chosen.notes, *wheel.missing)]
     table.remarks += [f"! {side}: not fitted: {reason}" for side, reason in models.refused.items()]
+    table.remarks += [f"! {note}" for note in models.notes]
     table.remarks.append("* chosen: the simplest within 2 % of the lowest error on left-out runs.")
     return table
 

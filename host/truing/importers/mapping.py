@@ -2,6 +2,8 @@
 
 Example::
 
+    effort = "after"      # optional: a row's effort acts in the interval after the row (default: "before")
+
     [columns]
     t_s = { column = "time", scale = 1e-3 }           # milliseconds
     effort_left = { column = "leftPwm", scale = 0.00392 }
@@ -28,7 +30,8 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.errors import FileError, RecordingError
-from truing.recording.run import MOTION_PAIRS, NUMERIC_COLUMNS, REQUIRED_COLUMNS
+from truing.recording.effort_convention import EffortActs, effort_acts, shifted
+from truing.recording.run import EFFORT_PAIR, MOTION_PAIRS, NUMERIC_COLUMNS, REQUIRED_COLUMNS
 
 from .foreign import ForeignTest
 
@@ -49,12 +52,13 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Mapping:
-    """A mapping file's content."""
+    """A mapping file's content; `effort`: the interval that a row's effort acts in."""
 
     path: Path
     columns: dict[str, Source]
     split: str | None = None
     skip: tuple[str, ...] = ()
+    effort: EffortActs = "before"
 
 
 def read_mapping(path: Path) -> Mapping:
@@ -76,15 +80,19 @@ def read_mapping(path: Path) -> Mapping:
         missing.append("one of the pairs " + ", ".join("/".join(pair) for pair in MOTION_PAIRS.values()))
     if missing:
         raise FileError(path, f"[columns] lacks {', '.join(missing)}")
+    unknown = sorted(set(tree) - {"columns", "split", "effort"})
+    if unknown:
+        raise FileError(path, f"unknown key {unknown[0]!r}: there are [columns], [split] and effort")
+    acts = effort_acts(path, tree.get("effort", "before"))
     if "split" not in tree:
-        return Mapping(path, columns)
+        return Mapping(path, columns, effort=acts)
     split = tree["split"]
     if not isinstance(split, dict) or not isinstance(split.get("column"), str):
         raise FileError(path, "[split] needs column = NAME")
     skip = split.get("skip", [])
     if not isinstance(skip, list):
         raise FileError(path, f"[split] skip must be a list of values, not {skip!r}")
-    return Mapping(path, columns, split["column"], tuple(str(value) for value in skip))
+    return Mapping(path, columns, split["column"], tuple(str(value) for value in skip), acts)
 
 
 def _source(path: Path, name: str, value: Any) -> Source:
@@ -125,6 +133,8 @@ def apply(mapping: Mapping, table: AnyMapping[str, Sequence[Any]], source: Path)
     tests = []
     for name, rows in _stretches(mapping, table, len(numbers["t_s"]), source):
         part = {column: values[rows] for column, values in numbers.items()}
+        if mapping.effort == "after":
+            part |= {column: shifted(part[column]) for column in EFFORT_PAIR}
         tests.append(_test(name, part, mapping.columns["t_s"].scaled))
     return tests
 

@@ -14,6 +14,7 @@ import numpy as np
 from truing.arrays import FloatArray
 from truing.errors import FileError, RecordingError
 from truing.recording.baseline import Baseline, read_baseline
+from truing.recording.effort_convention import read_effort_acts, with_effort_before
 from truing.recording.run import (
     MINIMUM_ROWS,
     MODES,
@@ -70,7 +71,8 @@ def read_recording_set(path: str | Path, model: str | Path | None = None) -> Rec
     path = Path(path)
     files = run_files(path)
     baseline = _find_baseline(path, model)
-    runs = tuple(read_run(file) for file in files)
+    acts = read_effort_acts(path)
+    runs = tuple(with_effort_before(read_run(file), acts) for file in files)
     folder = path.parent if path.is_file() else path
     name = path.stem if path.is_file() else folder.resolve().name
     if baseline is not None and baseline.robot is not None and baseline.robot.name and not path.is_file():

@@ -216,3 +216,15 @@ def test_a_run_that_begins_against_its_effort_starts_with_the_motion_it_inherits
     assert not left[:3].any()
     assert left[3:].all()
     assert data.valid[:, 1].all()
+
+
+def test_efforts_that_act_after_their_row_are_a_warning_with_the_setting() -> None:
+    def change(name: str, values: Columns) -> None:
+        for wheel in ("left", "right"):
+            effort = values[f"effort_{wheel}"]
+            values[f"effort_{wheel}"] = np.append(effort[1:], effort[-1])
+
+    checks = check_data(recordings(change=change))
+    (found,) = [check for check in checks.checks if check.topic == "effort_row"]
+    assert found.severity == "warning"
+    assert 'effort = "after"' in found.next_step

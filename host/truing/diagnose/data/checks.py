@@ -23,6 +23,7 @@ from truing.diagnose.result import Check, Severity
 from truing.errors import IdentifyError
 from truing.identify.data_checks import Finding, check_set
 from truing.identify.effort_checks import refuse_efforts
+from truing.identify.effort_row import effort_row
 from truing.recording.baseline import Baseline
 from truing.recording.run import MINIMUM_ROWS, TRUTH_COLUMNS, WHEELS, RecordingSet, Run, Wheel
 
@@ -216,6 +217,13 @@ def _one_sided(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]:
         yield Check("one_sided", text, "note", step, blocks=blocks)
 
 
+def _effort_row(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]:
+    del baseline
+    found = effort_row(recordings)
+    if found is not None and found.sentence():
+        yield Check("effort_row", found.sentence(), "warning", found.advice(), None, found.wheel)
+
+
 def _turns(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]:
     del baseline
     differ = max(float(np.abs(run.effort("left") - run.effort("right")).max()) for run in recordings)
@@ -287,4 +295,5 @@ _INSPECTIONS: tuple[Callable[[RecordingSet, Baseline], Iterator[Check]], ...] = 
     _saturation,
     _slow_log,
     _geometry,
+    _effort_row,
 )
