@@ -96,6 +96,7 @@ static void sense(struct robot *robot)
     robot->view.at_rest = robot->drive.braked_ms >= DRIVE_AT_REST_MS;
     robot->view.battery_mv = robot->sample.battery_mv;
     robot->view.battery_valid = robot->sample.battery_valid;
+    robot->view.emergency_stop = robot->sample.emergency_stop;
 }
 
 /* Mode and command of a record: those in force up to now. */
@@ -400,7 +401,11 @@ void robot_audit(struct robot *robot)
 struct refusal robot_clear_faults(struct robot *robot)
 {
     const uint32_t state = hal_critical_enter();
-    const uint32_t present = supervisor_clear(&robot->supervisor);
+    uint32_t present = supervisor_clear(&robot->supervisor);
+    if (present == 0 && !hal_release_emergency_stop()) {
+        present = PROTO_FAULT_EMERGENCY_STOP;
+        supervisor_stop(&robot->supervisor, present);
+    }
     hal_critical_exit(state);
     return present == 0 ? accepted() : refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, present);
 }

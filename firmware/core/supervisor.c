@@ -152,6 +152,11 @@ DETECTOR(unexpected_reset)
     return (supervisor->noted & PROTO_FAULT_UNEXPECTED_RESET) != 0;
 }
 
+DETECTOR(emergency_stop)
+{
+    return view->emergency_stop;
+}
+
 DETECTOR(main_loop_hung)
 {
     return supervisor->main_loop_hung;
@@ -182,7 +187,8 @@ DETECTOR(main_loop_hung)
     ROW(CAN_BUS_OFF, can_bus_off, 0, false, WHEN_GONE)                                                       \
     ROW(CONTROL_NOT_FINITE, not_finite, 0, true, WHEN_GONE)                                                  \
     ROW(MAIN_LOOP_HUNG, main_loop_hung, 0, true, AT_ONCE)                                                    \
-    ROW(UNEXPECTED_RESET, unexpected_reset, 0, true, AT_ONCE)
+    ROW(UNEXPECTED_RESET, unexpected_reset, 0, true, AT_ONCE)                                                \
+    ROW(EMERGENCY_STOP, emergency_stop, 0, true, AT_ONCE)
 
 enum position {
 #define POSITION(name, present, hold, stops, clears) POSITION_##name,
@@ -287,6 +293,9 @@ uint32_t supervisor_self_check(const struct supervisor *supervisor, const struct
     }
     if (from_rest && !view->still[1]) {
         unfit |= PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE;
+    }
+    if (view->emergency_stop) {
+        unfit |= PROTO_FAULT_EMERGENCY_STOP;
     }
     if (!view->battery_valid) {
         unfit |= PROTO_FAULT_BATTERY_UNREAD;

@@ -48,6 +48,7 @@ struct supervisor_view {
     bool at_rest; /* both wheels have been braked for so long that they must stand */
     uint16_t battery_mv;
     bool battery_valid;
+    bool emergency_stop; /* pressed, or not released by hal_release_emergency_stop since */
 };
 
 /* `boot_faults`: what start-up found; those that stop are latched from the beginning. */

@@ -18,6 +18,7 @@ struct hal_sample {
     int32_t edge_from[HAL_WHEELS];
     uint16_t battery_mv; /* supply of the bridges, at the terminals, last finished conversion */
     bool battery_valid;  /* a conversion finished within the last 100 ms */
+    bool emergency_stop; /* the wired stop is open, or was: the bridges brake whatever hal_drive says */
 };
 
 struct hal_identity {
@@ -57,6 +58,9 @@ uint32_t hal_now_us(void);
 
 /* Applied effort, 1e-4 of supply, -10000..10000; drive/brake (slow decay), 0 = brake. */
 void hal_drive(const int16_t effort_e4[HAL_WHEELS]);
+
+/* Lets the bridges follow hal_drive again after an emergency stop; false while the switch is open. */
+bool hal_release_emergency_stop(void);
 
 /* Takes up to `capacity` received bytes out of the link; returns how many. */
 size_t hal_link_read(uint8_t *out, size_t capacity);

@@ -77,6 +77,7 @@ void SysTick_Handler(void)
 void hal_sense(struct hal_sample *out)
 {
     encoders_read(out);
+    out->emergency_stop = motors_emergency_stop();
     out->battery_valid = battery_read(&out->battery_mv);
 }
 

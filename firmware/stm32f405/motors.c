@@ -22,6 +22,14 @@ enum { EFFORT_FULL_E4 = 10000, PIN_FUNCTION_TIM1 = 1, FIRST_PIN = 8, CHANNELS = 
 /* MODER's two bits for each of the four pins, PA8 to PA11. */
 enum { ALL_TO_PERIPHERAL = 0xAA };
 
+/* The emergency stop: a normally closed contact from PB12, TIM1_BKIN (AF1), to ground. Pressed, or with a
+ * broken wire, the pull-up raises the pin, and the timer clears MOE by itself, without a clock or a program
+ * (RM0090 section 17.3.12). MOE stays low, and cannot be set while the contact is open. */
+enum { STOP_PIN = 12 };
+
+/* Outputs at their idle level, with the emergency stop armed. */
+#define BRAKED (TIM_BDTR_OSSI | TIM_BDTR_BKE | TIM_BDTR_BKP)
+
 /* Timer counts in one PWM period. A compare value this large is never reached: the output stays high. */
 static uint32_t period;
 
@@ -59,7 +67,8 @@ void motors_start(uint32_t timer_hz)
         enable |= TIM_CCER_ENABLE(channel);
     }
     TIM1->cr2 = idle_high;
-    TIM1->bdtr = TIM_BDTR_OSSI;
+    pin_to_peripheral(GPIOB, STOP_PIN, PIN_FUNCTION_TIM1, PULL_UP);
+    TIM1->bdtr = BRAKED;
     TIM1->ccer = enable;
     TIM1->egr = TIM_EGR_UG;
     TIM1->cr1 = TIM_CR1_ARPE | TIM_CR1_CEN;
@@ -68,17 +77,40 @@ void motors_start(uint32_t timer_hz)
     }
     /* All four at once: a bridge with one input high and the other still floating low would drive. */
     pin_field(&GPIOA->moder, FIRST_PIN / CHANNELS, 2 * CHANNELS, ALL_TO_PERIPHERAL);
-    TIM1->bdtr = TIM_BDTR_OSSI | TIM_BDTR_MOE;
+    TIM1->sr = ~TIM_SR_BIF;
+    motors_go();
 }
 
 void motors_stop(void)
 {
-    TIM1->bdtr = TIM_BDTR_OSSI;
+    TIM1->bdtr = BRAKED;
 }
 
 void motors_go(void)
 {
-    TIM1->bdtr = TIM_BDTR_OSSI | TIM_BDTR_MOE;
+    if ((TIM1->sr & TIM_SR_BIF) == 0) {
+        TIM1->bdtr = BRAKED | TIM_BDTR_MOE;
+    }
+}
+
+static bool is_contact_open(void)
+{
+    return (GPIOB->idr & 1u << STOP_PIN) != 0;
+}
+
+bool motors_emergency_stop(void)
+{
+    return (TIM1->sr & TIM_SR_BIF) != 0 || is_contact_open();
+}
+
+bool hal_release_emergency_stop(void)
+{
+    if (is_contact_open()) {
+        return false;
+    }
+    TIM1->sr = ~TIM_SR_BIF;
+    motors_go();
+    return (TIM1->sr & TIM_SR_BIF) == 0;
 }
 
 void hal_drive(const int16_t effort_e4[HAL_WHEELS])

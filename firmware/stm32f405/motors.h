@@ -2,6 +2,7 @@
 #ifndef MOTORS_H
 #define MOTORS_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #define MOTOR_PWM_HZ 20000u
@@ -13,7 +14,10 @@ void motors_start(uint32_t timer_hz);
 /* Brakes both bridges at once, by one write that needs no other state; for fault handlers. */
 void motors_stop(void);
 
-/* After motors_stop: the bridges follow hal_drive again. */
+/* After motors_stop: the bridges follow hal_drive again, unless the emergency stop holds them. */
 void motors_go(void);
+
+/* The wired stop is open, or was open since hal_release_emergency_stop. */
+bool motors_emergency_stop(void);
 
 #endif

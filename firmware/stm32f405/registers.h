@@ -230,7 +230,10 @@ struct timer {
 #define TIM_CCMR_FILTER(f)  ((uint32_t)(f) << 4)
 #define TIM_CCER_ENABLE(ch) (1u << (4u * (ch)))
 #define TIM_BDTR_OSSI       (1u << 10)
+#define TIM_BDTR_BKE        (1u << 12)
+#define TIM_BDTR_BKP        (1u << 13) /* a break while the input is high */
 #define TIM_BDTR_MOE        (1u << 15)
+#define TIM_SR_BIF          (1u << 7) /* there was a break; cleared by writing 0 once the input is quiet */
 
 /* Serial port, section 30.6. */
 struct usart {

@@ -67,6 +67,10 @@ void board_watch_pin(struct board *board, struct board_pin pin);
 /* Wires encoder (0..3) with phase A to one pin and phase B to another. */
 void board_wire_encoder(struct board *board, int encoder, struct board_pin a, struct board_pin b);
 
+/* What is wired to a pin: low, high, or nothing, in which case its pull resistor decides. */
+enum board_level { BOARD_OPEN, BOARD_LOW, BOARD_HIGH };
+void board_set_pin(struct board *board, struct board_pin pin, enum board_level level);
+
 /* Supply and reset button. */
 void board_power(struct board *board, bool on);
 void board_reset(struct board *board, enum board_reset cause);

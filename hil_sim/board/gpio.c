@@ -7,7 +7,7 @@ enum { MODE_INPUT, MODE_OUTPUT, MODE_ALTERNATE, MODE_ANALOG };
 
 /* Alternate functions modelled, STM32F405 datasheet table 9: {port, pin, function, signal, instance,
  * channel}. */
-enum signal { SIGNAL_TIMER, SIGNAL_USART_TX, SIGNAL_USART_RX, SIGNAL_CAN_RX, SIGNAL_CAN_TX };
+enum signal { SIGNAL_TIMER, SIGNAL_BREAK, SIGNAL_USART_TX, SIGNAL_USART_RX, SIGNAL_CAN_RX, SIGNAL_CAN_TX };
 static const struct route {
     char port;
     uint8_t pin, function, signal, instance, channel;
@@ -37,7 +37,8 @@ static const struct route {
     {'D', 9, 7, SIGNAL_USART_RX, 3, 0},  {'A', 11, 9, SIGNAL_CAN_RX, 1, 0},
     {'A', 12, 9, SIGNAL_CAN_TX, 1, 0},   {'B', 8, 9, SIGNAL_CAN_RX, 1, 0},
     {'B', 9, 9, SIGNAL_CAN_TX, 1, 0},    {'D', 0, 9, SIGNAL_CAN_RX, 1, 0},
-    {'D', 1, 9, SIGNAL_CAN_TX, 1, 0},
+    {'D', 1, 9, SIGNAL_CAN_TX, 1, 0},    {'A', 6, 1, SIGNAL_BREAK, 1, 0},
+    {'B', 12, 1, SIGNAL_BREAK, 1, 0},    {'E', 15, 1, SIGNAL_BREAK, 1, 0},
 };
 enum { ROUTES = sizeof routes / sizeof routes[0] };
 
@@ -75,7 +76,7 @@ static void find_line_pins(struct board *b)
     memset(b->can_routed, 0, sizeof b->can_routed);
     for (size_t i = 0; i < ROUTES; i++) {
         const struct route *r = &routes[i];
-        if (r->signal == SIGNAL_TIMER || !routed(b, r)) {
+        if (r->signal == SIGNAL_TIMER || r->signal == SIGNAL_BREAK || !routed(b, r)) {
             continue;
         }
         if (r->signal >= SIGNAL_CAN_RX) {
@@ -137,6 +138,9 @@ static uint32_t input(struct board *b, int port)
         uint32_t mode = g->moder >> (2 * i) & 3u;
         uint32_t pull = g->pupdr >> (2 * i) & 3u;
         uint32_t level = mode == MODE_OUTPUT ? g->odr >> i & 1u : pull == 1 && mode != MODE_ANALOG;
+        if (mode != MODE_OUTPUT && mode != MODE_ANALOG && b->pin_in[port][i] != BOARD_OPEN) {
+            level = b->pin_in[port][i] == BOARD_HIGH;
+        }
         levels |= level << i;
     }
     for (int e = 0; e < ENCODERS; e++) {
@@ -155,6 +159,28 @@ static uint32_t input(struct board *b, int port)
         }
     }
     return levels;
+}
+
+/* Level at TIM1's break input: that of the pin that is routed to it, low without one. */
+bool break_level(struct board *b)
+{
+    for (size_t i = 0; i < ROUTES; i++) {
+        const struct route *r = &routes[i];
+        if (r->signal == SIGNAL_BREAK && routed(b, r)) {
+            return (input(b, r->port - 'A') >> r->pin & 1u) != 0;
+        }
+    }
+    return false;
+}
+
+void board_set_pin(struct board *board, struct board_pin pin, enum board_level level)
+{
+    if (board->moment < board->now) {
+        board->moment = board->now;
+    }
+    board->pin_in[pin.port - 'A'][pin.number] = (uint8_t)level;
+    timer_break_update(board);
+    pins_update(board);
 }
 
 void gpio_reset(struct board *b, int port)
@@ -199,6 +225,7 @@ bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_
         find_line_pins(b);
         exti_schedule(b);
     }
+    timer_break_update(b);
     pins_update(b);
     return true;
 }

@@ -264,6 +264,7 @@ struct board {
     uint32_t pwr_cr;
     struct flash flash;
     struct gpio gpio[PORTS];
+    uint8_t pin_in[PORTS][16];        /* enum board_level, by what is wired to the pins */
     bool usart_routed[2][USARTS + 1]; /* receivers, transmitters that a pin belongs to */
     bool can_routed[2];
     struct can can;
@@ -385,6 +386,8 @@ void flash_event(struct board *b);
 bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_t *value);
 void gpio_reset(struct board *b, int port);
 void pins_update(struct board *b);
+bool break_level(struct board *b);
+void timer_break_update(struct board *b);
 bool phase_level(int64_t position, bool is_b);
 bool pin_of_timer(const struct board *b, int timer, int channel, struct board_pin *out);
 bool timer_access(struct board *b, int timer, uint32_t offset, bool write, uint32_t *value);

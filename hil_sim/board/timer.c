@@ -252,6 +252,9 @@ static void write_register(struct board *b, int timer, uint32_t offset, uint32_t
         t->from = count;
         timer_encoder_start(b, timer);
     }
+    if (timer == 1) {
+        timer_break_update(b);
+    }
     update_line(b, timer);
     timer_schedule(b, timer);
     pins_update(b);

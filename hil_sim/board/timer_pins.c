@@ -2,6 +2,7 @@
 #include "machine.h"
 
 enum { CEN = 1 << 0, CMS = 3 << 5, DIR = 1 << 4, MOE = 1 << 15, OSSI = 1 << 10 };
+enum { BKE = 1 << 12, BKP = 1 << 13, BIF = 1 << 7 };
 
 static bool has_break(int timer)
 {
@@ -51,6 +52,17 @@ double timer_output(struct board *b, int timer, int channel)
     }
     double duty = reference_duty(b, timer, channel);
     return inverted ? 1 - duty : duty;
+}
+
+/* The break input clears MOE by itself, and holds it and its flag for as long as it is active
+ * (RM0090 17.3.12); its source in the clock security system is not modelled. */
+void timer_break_update(struct board *b)
+{
+    struct timer *t = &b->timer[1];
+    if ((t->bdtr & BKE) != 0 && break_level(b) == ((t->bdtr & BKP) != 0)) {
+        t->bdtr &= ~(uint32_t)MOE;
+        t->sr |= BIF;
+    }
 }
 
 bool timer_is_encoder(const struct board *b, int timer)

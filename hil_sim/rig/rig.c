@@ -16,6 +16,7 @@ static const struct board_pin bridge_pins[RIG_WHEELS][2] = {{{'A', 8}, {'A', 9}}
 static const struct board_pin encoder_pins[RIG_WHEELS][2] = {{{'B', 4}, {'B', 5}}, {{'B', 6}, {'B', 7}}};
 static const struct board_pin battery_pin = {'A', 4};
 static const struct board_pin led_pin = {'C', 12};
+static const struct board_pin stop_pin = {'B', 12}; /* emergency stop: a contact to ground */
 
 /* Even a wheel at rest is polled this often, in plant steps: a tenth of a second. */
 #define MAX_QUIET_STEPS 2000.0
@@ -223,6 +224,7 @@ struct rig *rig_create(const struct plant_params *robot, uint64_t seed, const ui
         r->duty[wheel][0] = r->duty[wheel][1] = -1;
     }
     board_watch_pin(r->board, led_pin);
+    board_set_pin(r->board, stop_pin, BOARD_LOW);
     drive_bridges(r);
     return r;
 }
@@ -395,6 +397,11 @@ void rig_hold_wheel(struct rig *rig, int wheel, double torque_nm)
 void rig_battery_sense_connected(struct rig *rig, bool connected)
 {
     rig->sense_connected = connected;
+}
+
+void rig_emergency_stop(struct rig *rig, bool pressed)
+{
+    board_set_pin(rig->board, stop_pin, pressed ? BOARD_OPEN : BOARD_LOW);
 }
 
 void rig_bench_voltage(struct rig *rig, double volts)

@@ -72,6 +72,7 @@ void rig_battery_sense_connected(struct rig *rig,
                                  bool connected); /* the divider loses the battery, motors keep it */
 void rig_bench_voltage(struct rig *rig,
                        double volts); /* the divider sees a bench supply; below 0: the battery */
+void rig_emergency_stop(struct rig *rig, bool pressed); /* its contact opens, as by a broken wire */
 void rig_crystal_alive(struct rig *rig, bool alive);
 void rig_crystal_ppm(struct rig *rig, double ppm); /* deviation from the nominal frequency */
 void rig_power(struct rig *rig, bool on);          /* the board's supply; off also releases the bridges */

@@ -1301,7 +1301,7 @@ const char *proto_refusal_reason_name(unsigned value) {
 }
 
 const char *proto_fault_name(unsigned bit) {
-    static const char *const names[] = {"encoder_left_implausible", "encoder_right_implausible", "battery_unread", "battery_low", "host_silent", "loop_overrun", "clock_fallback", "parameter_store_damaged", "encoder_left_lost", "encoder_right_lost", "encoder_left_reversed", "encoder_right_reversed", "wheel_left_stalled", "wheel_right_stalled", "overspeed", "brown_out", "program_fault", "watchdog_reset", "sequence_damaged", "can_bus_off", "control_not_finite", "main_loop_hung", "unexpected_reset"};
+    static const char *const names[] = {"encoder_left_implausible", "encoder_right_implausible", "battery_unread", "battery_low", "host_silent", "loop_overrun", "clock_fallback", "parameter_store_damaged", "encoder_left_lost", "encoder_right_lost", "encoder_left_reversed", "encoder_right_reversed", "wheel_left_stalled", "wheel_right_stalled", "overspeed", "brown_out", "program_fault", "watchdog_reset", "sequence_damaged", "can_bus_off", "control_not_finite", "main_loop_hung", "unexpected_reset", "emergency_stop"};
     return bit >= PROTO_FAULT_COUNT ? "?" : names[bit];
 }
 

@@ -172,6 +172,42 @@ static void nothing_moves_before_this_very_start_has_been_armed(void)
     fixture_expect_refused(PROTO_REFUSAL_REASON_NOT_ARMED, boot);
 }
 
+static void emergency_stop_is_latched_and_cleared_only_with_its_contact_closed(void)
+{
+    drive_live(300);
+    fixture.board.emergency_switch_open = true;
+    fixture_run(1);
+    assert_braked();
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_EMERGENCY_STOP, fixture_status().faults_latched);
+    fixture_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_EMERGENCY_STOP);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_STOPPED, fixture_status().state);
+    fixture.board.emergency_switch_open = false;
+    fixture_run(100);
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_FAULT_LATCHED, PROTO_FAULT_EMERGENCY_STOP);
+    fixture_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    fixture_expect_accepted();
+    fixture_run(1);
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_expect_accepted();
+}
+
+static void emergency_stop_pressed_at_rest_forbids_to_begin_until_it_is_cleared(void)
+{
+    fixture.board.emergency_switch_open = true;
+    fixture_run(2);
+    fixture.board.emergency_switch_open = false;
+    fixture_run(2);
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_EMERGENCY_STOP);
+    fixture_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    fixture_expect_accepted();
+    fixture_run(1);
+    fixture_set_effort(0.3f, 0.3f);
+    fixture_expect_accepted();
+}
+
 static void stop_leaves_a_latched_fault_latched(void)
 {
     fixture_set_effort(0.3f, 0.3f);
@@ -516,6 +552,8 @@ int main(void)
     RUN_TEST(question_on_another_port_does_not_replace_the_sequence_s_host);
     RUN_TEST(unattended_sequence_goes_on_without_a_host);
     RUN_TEST(nothing_moves_before_this_very_start_has_been_armed);
+    RUN_TEST(emergency_stop_is_latched_and_cleared_only_with_its_contact_closed);
+    RUN_TEST(emergency_stop_pressed_at_rest_forbids_to_begin_until_it_is_cleared);
     RUN_TEST(stop_leaves_a_latched_fault_latched);
     RUN_TEST(encoder_beyond_any_speed_stops_the_wheels);
     RUN_TEST(encoder_fault_ends_a_sequence_and_its_log_says_so);

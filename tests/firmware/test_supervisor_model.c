@@ -137,7 +137,7 @@ static void command(void)
 static void break_or_mend(void)
 {
     const int wheel = (int)random_below(HAL_WHEELS);
-    switch (random_below(16)) {
+    switch (random_below(17)) {
     case 0:
     case 9:
         fixture.board.sample.battery_mv = 8000;
@@ -169,6 +169,9 @@ static void break_or_mend(void)
     case 10:
         fixture.controller.robot.supervisor.store_damaged = true;
         break;
+    case 13:
+        fixture.board.emergency_switch_open = true;
+        break;
     case 12:
         fixture.controller.since_poll_ms = CONTROLLER_POLL_MS;
         break;
@@ -177,6 +180,7 @@ static void break_or_mend(void)
         break;
     default:
         fixture.controller.robot.supervisor.store_damaged = false;
+        fixture.board.emergency_switch_open = false;
         fixture.board.sample.battery_mv = 12000;
         fixture.board.sample.battery_valid = true;
         for (int i = 0; i < HAL_WHEELS; i++) {

@@ -90,7 +90,14 @@ bool hal_fault_record(struct hal_fault_record *out)
 void hal_sense(struct hal_sample *out)
 {
     current->sample.now_us += HAL_HOST_TICK_US;
+    current->sample.emergency_stop = current->sample.emergency_stop || current->emergency_switch_open;
     *out = current->sample;
+}
+
+bool hal_release_emergency_stop(void)
+{
+    current->sample.emergency_stop = current->emergency_switch_open;
+    return !current->emergency_switch_open;
 }
 
 uint32_t hal_now_us(void)

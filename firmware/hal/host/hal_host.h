@@ -21,6 +21,7 @@ struct hal_host {
     int16_t effort_e4[HAL_WHEELS];        /* last command to the bridges */
     uint32_t drive_calls;
     uint32_t watchdog_feeds;
+    bool emergency_switch_open;
     bool moving; /* what hal_note_moving was last given */
     uint32_t critical_depth;
     uint8_t received[HAL_HOST_RECEIVE_SIZE]; /* on its way to the core */

@@ -372,6 +372,10 @@ class VirtualRobot(Simulated):
         else:
             self._library.rig_reset(self._rig, int(cause))
 
+    def set_emergency_stop(self, pressed: bool) -> None:
+        """Press or release the emergency stop; a broken wire is the same as a pressed one."""
+        self._library.rig_emergency_stop(self._rig, pressed)
+
     def set_halted(self, halted: bool) -> None:
         """Halt the core as a debugger does, or let it go on; peripherals run on unless DBGMCU stops them."""
         self._library.board_set_halted(self._board, halted)

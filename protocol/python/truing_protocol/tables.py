@@ -21,7 +21,7 @@ LOG_RECORD_VERSION: Final = 2
 CAN_HOST_TO_BOARD: Final = 0x600
 CAN_BOARD_TO_HOST: Final = 0x640
 CAN_NODES: Final = 0x3f
-SCHEMA_HASH: Final = 0x38f22399
+SCHEMA_HASH: Final = 0xfb3149e1
 REFUSAL_ID: Final = 0xff
 REPLY_BIT: Final = 0x80
 
@@ -258,6 +258,13 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
         True,
         "the board was reset, by its reset pin or a debug probe, while it drove",
         "check NRST and its wires for noise, and that no probe or adapter resets the board; then clear the fault",
+    ),
+    FaultInfo(
+        23,
+        "emergency_stop",
+        True,
+        "the emergency stop is pressed, or has been since the faults were last cleared, or its wire is broken",
+        "release the switch, then clear the fault; a robot without a switch has a jumper from PB12 to ground in its place",
     ),
 )
 
