@@ -19,6 +19,7 @@ from typing import Literal
 
 from truing.diagnose.data.set_data import SetData
 
+SIDES = ("left", "right")
 Domain = Literal["wheel", "pose", "both"]
 Need = Literal["pose", "heading", "geometry", "angle", "vel", "equal_wheels"]
 Scale = Literal["one", "speed", "per_speed_squared", "duration", "time_constant"]
@@ -44,6 +45,10 @@ class Parameter:
     scan : the error is not smooth in it: take `starts` as a grid.
     fixed : it stays at the best value of that grid.
     needs_pose : without a pose or yaw rate from outside it is one with the gains, and stays off.
+    beside : it stays off without one of these other effects in the model.
+    pull : a plain fit pulls it towards its start, as strongly as an error of this share of the full-effort
+        speed in every row for a change by 1. Recordings that cannot determine it leave it there, and one that
+        they determine is hardly changed (ridge regression: Hoerl & Kennard 1970).
     """
 
     name: str
@@ -59,6 +64,8 @@ class Parameter:
     scan: bool = False
     fixed: bool = False
     needs_pose: bool = False
+    beside: tuple[str, ...] = ()
+    pull: float = 0.0
 
 
 def identity(values: Mapping[str, float]) -> dict[str, float]:
@@ -154,10 +161,15 @@ def per_wheel(
     off: float,
     starts: tuple[float, ...],
     scale: Scale = "one",
+    *,
+    beside: tuple[str, ...] = (),
+    pull: float = 0.0,
 ) -> tuple[Parameter, Parameter]:
     """The same parameter for the left and the right wheel; an empty stem names them left and right."""
     prefix = f"{stem}_" if stem else ""
-    return (
-        Parameter(f"{prefix}left", unit, lower, upper, off, starts, "left", scale),
-        Parameter(f"{prefix}right", unit, lower, upper, off, starts, "right", scale),
+    sides: tuple[Literal["left", "right"], ...] = ("left", "right")
+    left, right = (
+        Parameter(f"{prefix}{side}", unit, lower, upper, off, starts, side, scale, beside=beside, pull=pull)
+        for side in sides
     )
+    return left, right

@@ -65,13 +65,18 @@ def fit(
             theta[list(column.entries)] = value
         return theta
 
+    pulls = problem.pulls(columns)
+    pulled = np.flatnonzero(pulls)
+    centre = np.array([column.start for column in columns])
+
     def residual(x: FloatArray) -> FloatArray:
-        return problem.residual(theta_at(x), effects).flat()
+        flat = problem.residual(theta_at(x), effects).flat()
+        return np.concatenate((flat, (pulls * (x - centre))[pulled]))
 
     def jacobian(x: FloatArray, flat: FloatArray) -> FloatArray:
-        return np.asarray(
-            problem.jacobian(theta_at(x), effects, columns) * problem.loss_slopes(flat)[:, None]
-        )
+        raw = problem.jacobian(theta_at(x), effects, columns)
+        slopes = problem.loss_slopes(flat[: len(raw)])
+        return np.concatenate((raw * slopes[:, None], np.diag(pulls)[pulled]))
 
     end = minimise(
         residual,

@@ -194,8 +194,12 @@ def effect_parameters(
         moved[list(column.entries)] += step
         for key, value in simulator.report(name, moved).items():
             slopes[key][k] = (value - centre[key]) / step
+    free = {column.name for column in done.columns}
+    idle = {p.name for p in CATALOGUE[name].parameters if p.beside and f"{name}.{p.name}" not in free}
     out = {}
     for key, value in centre.items():
+        if key in idle:
+            continue
         variance = float(slopes[key] @ parameter_covariance @ slopes[key])
         half = QUANTILE * math.sqrt(max(variance, 0.0))
         ends = _possible(simulator.range_of(name, key), value, half)

@@ -280,7 +280,9 @@ class _DriveComparison:
 
     def _columns(self, simulator: SetSimulator, one: Explanation) -> tuple[Column, ...]:
         base = base_columns(simulator, simulator.tied, simulator.baseline_effects)
-        return base + tuple(column for name in one.effects for column in effect_columns(simulator, name))
+        return base + tuple(
+            column for name in one.effects for column in effect_columns(simulator, name, one.effects)
+        )
 
     def _theta(self, simulator: SetSimulator, one: Explanation) -> FloatArray:
         """The explanation's numbers in the units of a set that is longer by some drives."""

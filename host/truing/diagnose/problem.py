@@ -14,7 +14,7 @@ from truing.arrays import FloatArray, IntArray
 from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.data.set_data import POSE_HORIZON_S as POSE_HORIZON_S
 from truing.diagnose.data.set_data import SetData
-from truing.diagnose.effect import Parameter
+from truing.diagnose.effect import SIDES, Parameter
 from truing.diagnose.noise import MEMORY_TAUS, Noise, estimate_noise, lag_index, lags_for, white_noise, whiten
 from truing.diagnose.noise_floor import NoiseFloor, noise_floor
 from truing.diagnose.simulation.simulator import SetSimulator
@@ -31,13 +31,21 @@ MAX_NOISE_OF_FLOOR = 1.5
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One free parameter of a fit: one entry of the simulator's vector, or several tied to one value."""
+    """One free parameter of a fit: one entry of the simulator's vector, or several tied to one value.
+
+    Attributes
+    ----------
+    wheel : the wheel whose speed alone it moves, or None.
+    pull_mps : a plain fit pulls it towards `start`, as strongly as this error in every row for a change by 1.
+    """
 
     name: str
     entries: tuple[int, ...]
     lower: float
     upper: float
     start: float
+    wheel: int | None = None
+    pull_mps: float = 0.0
 
     @property
     def effect(self) -> str:
@@ -223,8 +231,21 @@ class Problem:
 
     def columns_of(self, effects: tuple[str, ...]) -> tuple[Column, ...]:
         """Free parameters of the baseline and of these effects."""
+        every = (*self.base_effects, *effects)
         return self.base_columns + tuple(
-            column for name in effects for column in effect_columns(self.simulator, name)
+            column for name in effects for column in effect_columns(self.simulator, name, every)
+        )
+
+    def pulls(self, columns: tuple[Column, ...]) -> FloatArray:
+        """Residual per change by 1 of each parameter that a plain fit pulls towards its start, shape (p,).
+
+        It is that of a steady error of `pull_mps` in all rows of the wheel.
+        """
+        if not self.is_plain:
+            return np.zeros(len(columns))
+        steady = np.sqrt(self.counted.sum(axis=0)) / self.noise.sigma
+        return np.array(
+            [0.0 if one.wheel is None else one.pull_mps * float(steady[one.wheel]) for one in columns]
         )
 
 
@@ -245,9 +266,9 @@ def moves_pose(column: Column, commanded: bool) -> bool:
     return commanded or (column.effect != "" and CATALOGUE[column.effect].domain != "wheel")
 
 
-def effect_columns(simulator: SetSimulator, name: str) -> tuple[Column, ...]:
-    """Free parameters of one effect."""
-    layout = simulator.layout
+def effect_columns(simulator: SetSimulator, name: str, every: tuple[str, ...]) -> tuple[Column, ...]:
+    """Free parameters of one effect in a model with the effects `every`."""
+    layout, data = simulator.layout, simulator.data
     return tuple(
         Column(
             f"{name}.{parameter.name}",
@@ -255,15 +276,18 @@ def effect_columns(simulator: SetSimulator, name: str) -> tuple[Column, ...]:
             float(layout.lower[layout.index(f"{name}.{parameter.name}")]),
             float(layout.upper[layout.index(f"{name}.{parameter.name}")]),
             parameter.off,
+            None if parameter.wheel is None else SIDES.index(parameter.wheel),
+            parameter.pull * data.top_mps,
         )
         for parameter in CATALOGUE[name].parameters
-        if not (parameter.scan and parameter.nuisance) and is_identifiable(parameter, simulator.data)
+        if not (parameter.scan and parameter.nuisance) and is_identifiable(parameter, data, every)
     )
 
 
-def is_identifiable(parameter: Parameter, data: SetData) -> bool:
-    """Whether a parameter may leave its value without the effect."""
-    return not parameter.needs_pose or data.has_pose
+def is_identifiable(parameter: Parameter, data: SetData, effects: tuple[str, ...]) -> bool:
+    """Whether a parameter may leave its value without its effect, in a model with these effects."""
+    has_others = not parameter.beside or any(name in effects for name in parameter.beside)
+    return has_others and (not parameter.needs_pose or data.has_pose)
 
 
 def base_columns(simulator: SetSimulator, tied: bool, base_effects: tuple[str, ...]) -> tuple[Column, ...]:
@@ -287,7 +311,7 @@ def base_columns(simulator: SetSimulator, tied: bool, base_effects: tuple[str, .
     for effect in base_effects:
         columns += [
             replace(column, start=float(start[column.entries[0]]))
-            for column in effect_columns(simulator, effect)
+            for column in effect_columns(simulator, effect, base_effects)
         ]
     return tuple(columns)
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.diagnose.catalogue import CATALOGUE
-from truing.diagnose.effect import Effect, Parameter
+from truing.diagnose.effect import SIDES, Effect, Parameter
 from truing.diagnose.fit import Fit
 from truing.diagnose.problem import Problem, is_identifiable
 
@@ -24,7 +24,6 @@ from truing.diagnose.problem import Problem, is_identifiable
 MIN_SCALE, MAX_SCALE = 0.15, 4.0
 # Further starting values are used if their predicted gain is this share of the best one's.
 MIN_SHARE_OF_BEST = 0.6
-SIDES = ("left", "right")
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +104,7 @@ def _score_test(
     for probe in probes:
         shapes = problem.flattened(probe.speeds, probe.pose)
         scales, gain = _project(flat, span, shapes, [_signed(effect, group) for group in probe.groups])
-        found.append((gain, _start_vector(problem, anchor.theta, effect, probe.values, probe.groups, scales)))
+        found.append((gain, _start_vector(problem, anchor, effect, probe, scales)))
     found.sort(key=lambda entry: -entry[0])
     good = [theta for gain, theta in found[:keep] if gain >= MIN_SHARE_OF_BEST * found[0][0]]
     return Candidate(name, found[0][0] + problem.evidence((name,)), tuple(good))
@@ -164,7 +163,7 @@ def _probe(
 ) -> Probe:
     """One shape per group of parameters, per wheel where the wheels have parameters of their own."""
     layout = problem.simulator.layout
-    effects = (*base.effects, effect.name)
+    effects = (*problem.base_effects, *base.effects, effect.name)
     sided = {p.name: p.wheel for p in effect.parameters}
     speeds: list[FloatArray] = []
     poses: list[FloatArray] = []
@@ -172,7 +171,7 @@ def _probe(
     for names in groups:
         theta = base.theta.copy()
         for p in effect.parameters:
-            on = (p.name in names or p.scan or p.nuisance) and is_identifiable(p, problem.data)
+            on = (p.name in names or p.scan or p.nuisance) and is_identifiable(p, problem.data, effects)
             theta[layout.index(f"{effect.name}.{p.name}")] = values[p.name] if on else p.off
         speed_change = problem.simulator.speeds(theta, problem.masks(effects)) - base.residual.speeds
         in_pose = problem.data.commanded or effect.domain != "wheel"
@@ -223,23 +222,25 @@ def _project(
 
 def _start_vector(
     problem: Problem,
-    theta: FloatArray,
+    anchor: Fit,
     effect: Effect,
-    values: dict[str, float],
-    groups: tuple[tuple[str, ...], ...],
+    probe: Probe,
     scales: FloatArray,
 ) -> FloatArray:
     """Starting vector: amplitudes at their projected size, limited."""
     layout = problem.simulator.layout
-    start = theta.copy()
-    scale_of = {name: float(scale) for names, scale in zip(groups, scales, strict=True) for name in names}
+    effects = (*problem.base_effects, *anchor.effects, effect.name)
+    start, values = anchor.theta.copy(), probe.values
+    scale_of = {
+        name: float(scale) for names, scale in zip(probe.groups, scales, strict=True) for name in names
+    }
     for p in effect.parameters:
         value = values[p.name]
         if p.name in scale_of and not p.scan:
             scale = scale_of[p.name]
             low = -MAX_SCALE if signed(p) else MIN_SCALE
             value = p.off + float(np.clip(scale, low, MAX_SCALE)) * (value - p.off)
-        if not is_identifiable(p, problem.data):
+        if not is_identifiable(p, problem.data, effects):
             value = p.off
         start[layout.index(f"{effect.name}.{p.name}")] = float(np.clip(value, p.lower, p.upper))
     return start

@@ -42,6 +42,18 @@ class UnseenRuns:
     problem: Problem
     _known: dict[tuple[str, ...], UnseenErrors] = field(default_factory=dict)
 
+    @classmethod
+    def beside(cls, problem: Problem, best: Fit) -> UnseenRuns:
+        """For models compared with `best`: fitted by plain least squares where it leaves more than noise.
+
+        There no noise model is right; one that takes a model error for noise leaves parameters undetermined
+        that the free-run error determines.
+        """
+        speeds = best.residual.speeds
+        if problem.data.commanded or not problem.exceeds_noise(speeds):
+            return cls(problem)
+        return cls(problem.plain(problem.free_run_rmse(speeds)))
+
     def errors(self, one: Fit) -> UnseenErrors:
         """Errors of the structure of `one`, fitted without each part of the runs in turn."""
         name = effect_set(*one.effects)

@@ -76,7 +76,10 @@ def _fields(baseline: Baseline, name: str, table: dict[str, Any]) -> dict[str, t
     if name == "driver_lag":
         return {"lag_s": pair("time_constant", "time_constant")}
     if name == "direction_asymmetry":
-        return {"reverse_gain": pair()}
+        fields = {"reverse_gain": pair()}
+        if "friction_left" in table:
+            fields["reverse_friction"] = pair("friction_left", "friction_right")
+        return fields
     if name == "driver_deadband":
         return {"deadband": pair("deadband", "deadband")}
     if name == "speed_filter":

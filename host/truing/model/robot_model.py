@@ -103,6 +103,10 @@ class RobotModel:
             found["driver_deadband"] = {"deadband": 0.5 * (left.deadband + right.deadband)}
         if any(wheel.reverse_gain != 1.0 for wheel in both):
             found["direction_asymmetry"] = {"left": left.reverse_gain, "right": right.reverse_gain}
+        if any(wheel.reverse_friction != 1.0 for wheel in both):
+            ratios = {"left": left.reverse_gain, "right": right.reverse_gain}
+            ratios |= {"friction_left": left.reverse_friction, "friction_right": right.reverse_friction}
+            found["direction_asymmetry"] = ratios
         if any(wheel.recorder_lag_s for wheel in both):
             found["speed_filter"] = {"time_constant": 0.5 * (left.recorder_lag_s + right.recorder_lag_s)}
         return found

@@ -32,7 +32,9 @@ from truing.model import compiled, kernel
 BASELINE_PARAMETERS = 4
 # The written stages take the place of its `stage.py`.
 KERNEL = Path(__file__).parent / "kernel"
-_WITH_WHEEL = {"drive", "supply", "friction", "push", "gain", "inertia", "gap", "measure", "ground"}
+_WITH_WHEEL = {
+    "drive", "supply", "friction", "friction_ratio", "push", "gain", "inertia", "gap", "measure", "ground",
+}  # fmt: skip
 _WITH_ROW = {"supply", "gain", "inertia"}
 
 
@@ -83,7 +85,7 @@ class _Writer:
         lines.append(f"USES_ANGLE = {self._uses('push', 'angle_start') | self._uses('push', 'angle_end')}")
         speed = self._uses("friction", "speed") | self._uses("supply") | self._uses("coupling")
         lines.append(f"USES_SPEED = {speed}")
-        turns = self._uses("friction") | self._uses("scrub")
+        turns = self._uses("friction") | self._uses("friction_ratio") | self._uses("scrub")
         for hook in ("gain", "inertia"):
             turns |= self._uses(hook, "direction")
         lines.append(f"USES_DIRECTION = {turns}")

@@ -50,6 +50,7 @@ STAGES: dict[str, Stage] = {
     ),
     "back_emf": Stage("product", (), "back-EMF at the full-effort speed, over the supply"),
     "friction": Stage("sum", ("speed", "direction"), "effort against the motion at this |speed| (m/s)"),
+    "friction_ratio": Stage("product", ("direction",), "factor on that effort"),
     "scrub": Stage("sum", (), "effort against the wheels turning differently"),
     "push": Stage(
         "sum",

@@ -8,6 +8,7 @@ sample is whitened or clipped, and each run is simulated by the numbers that the
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,6 +18,7 @@ from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect
+from truing.diagnose.problem import effect_columns, is_identifiable
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.identify.levenberg import minimise
 from truing.studies.real.signals import Signals
@@ -167,6 +169,8 @@ class PlainJudge:
         layout = self.simulator.layout
         free = free_entries(self.simulator, effects)
         weight = self._weights(rows)
+        pulls, centre = _pulls(self.simulator, effects, free)
+        pulls = pulls * math.sqrt(float(np.sum(weight**2)) / weight.shape[1])
 
         def place(x: FloatArray) -> FloatArray:
             theta = start.copy()
@@ -175,12 +179,13 @@ class PlainJudge:
             return theta
 
         def residual(x: FloatArray) -> FloatArray:
-            return np.asarray((self.signals.errors(place(x), on) * weight).ravel())
+            errors = (self.signals.errors(place(x), on) * weight).ravel()
+            return np.concatenate((errors, pulls * (x - centre)))
 
         def jacobian(x: FloatArray, at: FloatArray) -> FloatArray:
             del at
             columns = self.signals.derivatives(place(x), on, free)
-            return np.asarray((columns * weight[:, :, None]).reshape(-1, len(free)))
+            return np.concatenate(((columns * weight[:, :, None]).reshape(-1, len(free)), np.diag(pulls)))
 
         first = [entries[0] for entries in free]
         end = minimise(
@@ -214,9 +219,25 @@ def free_entries(simulator: SetSimulator, effects: Sequence[str]) -> list[tuple[
         free += [
             (index(f"{name}.{item.name}"),)
             for item in CATALOGUE[name].parameters
-            if not item.fixed and not (item.scan and item.nuisance)
+            if not item.fixed
+            and not (item.scan and item.nuisance)
+            and is_identifiable(item, simulator.data, (*simulator.baseline_effects, *effects))
         ]
     return free
+
+
+def _pulls(
+    simulator: SetSimulator, effects: Sequence[str], free: Sequence[tuple[int, ...]]
+) -> tuple[FloatArray, FloatArray]:
+    """How strongly each number is pulled, m/s in every row for a change by 1, and towards what; shape (p,).
+
+    A part of what an effect is, as its equation is: without it runs left out may leave numbers undetermined.
+    """
+    every = (*simulator.baseline_effects, *effects)
+    columns = [one for name in every for one in effect_columns(simulator, name, every)]
+    known = {one.entries[0]: one for one in columns}
+    pulls = [known[entries[0]].pull_mps if entries[0] in known else 0.0 for entries in free]
+    return np.array(pulls), simulator.start()[[entries[0] for entries in free]]
 
 
 def grid_of(name: str) -> list[dict[str, float]]:

@@ -103,6 +103,8 @@ def _set_numbers(robot: Robot, wheel: Record, w: int, row: int, elapsed: float, 
         wheel.slope = gain / tau
     if active & stage.USES_FRICTION:
         wheel.friction = stage.friction(p, active, w, abs(v), s)
+        if active & stage.USES_FRICTION_RATIO:
+            wheel.friction *= stage.friction_ratio(p, active, w, s)
     if active & stage.USES_TORQUE_LIMIT:
         motor = wheel.effort - robot.back_emf * v / wheel.gain
         wheel.limited = math.copysign(1.0, motor) if abs(motor) > robot.torque_limit else 0.0
