@@ -15,6 +15,7 @@ void controller_init(struct controller *controller)
     hal_identity(&controller->identity);
     memset(&controller->link, 0, sizeof controller->link);
     can_link_init(&controller->can, controller->identity.board_id, sizeof controller->identity.board_id);
+    controller->listener = (struct stop_listener){0};
     memset(controller->cache, 0, sizeof controller->cache);
     controller->since_poll_ms = 0;
     controller->polled_at_ms = 0;
@@ -23,12 +24,31 @@ void controller_init(struct controller *controller)
     robot_init(&controller->robot, controller->identity.boot_id, boot_faults(&controller->identity));
 }
 
+static bool hears_stop(struct controller *controller)
+{
+    uint8_t bytes[64];
+    struct hal_can_frame frame;
+    bool heard = false;
+    size_t count = hal_link_peek(bytes, sizeof bytes);
+    while (count > 0) {
+        heard = stop_listener_hear(&controller->listener, bytes, count) || heard;
+        count = hal_link_peek(bytes, sizeof bytes);
+    }
+    while (hal_can_peek(&frame)) {
+        heard = stop_listener_is_stop(&frame) || heard;
+    }
+    return heard;
+}
+
 /* The tick watches the main loop, which alone obeys a stop, and the watchdog watches the tick: either one
  * that hangs takes the effort off the wheels. */
 void controller_tick(struct controller *controller)
 {
     const bool hung = controller->since_poll_ms >= CONTROLLER_POLL_MS;
     controller->robot.supervisor.main_loop_hung = hung;
+    if (hears_stop(controller)) {
+        controller->robot.stop_heard = true;
+    }
     robot_tick(&controller->robot);
     hal_note_moving(supervisor_is_moving(&controller->robot.supervisor));
     if (!hung) {
@@ -105,6 +125,9 @@ void controller_poll(struct controller *controller)
     }
 
     poll_can(controller);
+    if (controller->since_poll_ms < CONTROLLER_ROUND_MS) { /* nothing was left for the next round */
+        controller->robot.stop_heard = false;
+    }
     robot_audit(&controller->robot);
 
     const uint32_t now_ms = controller->robot.now_ms;

@@ -9,6 +9,7 @@
 #include "hal.h"
 #include "link.h"
 #include "robot_state.h"
+#include "stop_listener.h"
 
 enum {
     CONTROLLER_TICK_HZ = 1000,
@@ -38,6 +39,7 @@ struct controller {
     struct robot robot;
     struct link link;
     struct can_link can;
+    struct stop_listener listener;
     struct hal_identity identity;
     uint8_t port;                               /* of the request that is being answered */
     uint8_t sequence_port;                      /* of the host that started the last sequence */

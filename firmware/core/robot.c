@@ -34,6 +34,7 @@ void robot_init(struct robot *robot, uint32_t boot_id, uint32_t boot_faults)
         .battery_valid = robot->sample.battery_valid,
     };
     robot->now_ms = 0;
+    robot->stop_heard = false;
     robot->speeds_stale = true; /* the age of this sample is unknown */
     log_feed_init(&robot->feed);
     log_init(&robot->log);
@@ -209,6 +210,16 @@ static void step_trigger(struct robot *robot, bool stopped)
     }
 }
 
+static void end_drive(struct robot *robot)
+{
+    drive_brake(&robot->drive);
+    sequence_abort(&robot->sequence);
+    recorder_finish(&robot->recorder, PROTO_LOG_END_STOPPED);
+    if (supervisor_is_moving(&robot->supervisor)) {
+        robot->supervisor.state = PROTO_STATE_IDLE;
+    }
+}
+
 void robot_tick(struct robot *robot)
 {
     struct recorder_view view = {0};
@@ -223,6 +234,8 @@ void robot_tick(struct robot *robot)
         drive_brake(&robot->drive);
         sequence_abort(&robot->sequence);
         recorder_finish(&robot->recorder, PROTO_LOG_END_FAULT);
+    } else if (robot->stop_heard && supervisor_is_moving(&robot->supervisor)) {
+        end_drive(robot);
     } else if (robot->supervisor.state == PROTO_STATE_SEQUENCE && !start) {
         step_sequence(robot);
     }
@@ -245,16 +258,6 @@ void robot_tick(struct robot *robot)
     }
 }
 
-static void end_drive(struct robot *robot)
-{
-    drive_brake(&robot->drive);
-    sequence_abort(&robot->sequence);
-    recorder_finish(&robot->recorder, PROTO_LOG_END_STOPPED);
-    if (supervisor_is_moving(&robot->supervisor)) {
-        robot->supervisor.state = PROTO_STATE_IDLE;
-    }
-}
-
 void robot_stop(struct robot *robot)
 {
     const uint32_t state = hal_critical_enter();
@@ -268,7 +271,7 @@ static struct refusal may_begin(const struct robot *robot, bool from_rest)
     if (robot->supervisor.state == PROTO_STATE_STOPPED) {
         return refused(PROTO_REFUSAL_REASON_FAULT_LATCHED, robot->supervisor.latched);
     }
-    if (robot->supervisor.state != PROTO_STATE_IDLE) {
+    if (robot->supervisor.state != PROTO_STATE_IDLE || robot->stop_heard) {
         return refused(PROTO_REFUSAL_REASON_WRONG_STATE, robot->supervisor.state);
     }
     if (!robot->supervisor.armed) {
@@ -339,6 +342,10 @@ struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, bool unat
         return refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_SEQUENCE_DAMAGED);
     }
     const uint32_t state = hal_critical_enter();
+    if (robot->stop_heard) { /* while the sequence was checked */
+        hal_critical_exit(state);
+        return refused(PROTO_REFUSAL_REASON_WRONG_STATE, robot->supervisor.state);
+    }
     const uint16_t rate = robot->sequence.log_rate_hz;
     *log_id =
         recorder_request(&robot->recorder, rate != 0 ? rate : robot->tuning.log_rate_hz, robot->sequence.crc);

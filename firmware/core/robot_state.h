@@ -38,6 +38,9 @@ struct robot {
     struct supervisor supervisor;
     struct supervisor_view view; /* of this tick */
     volatile uint32_t now_ms;
+    /* A stop has arrived that the main loop may not have come to yet. Until it has, what arrived before the
+     * stop moves nothing. Set by the tick, taken back by the main loop. */
+    volatile bool stop_heard;
     bool speeds_stale;    /* ticks were missed: the counts since the last one give no speed */
     struct log_feed feed; /* from the tick to the log */
     struct log log;

@@ -65,6 +65,9 @@ bool hal_release_emergency_stop(void);
 /* Takes up to `capacity` received bytes out of the link; returns how many. */
 size_t hal_link_read(uint8_t *out, size_t capacity);
 
+/* The same bytes once more, for the tick: those received since its last peek. They stay to be read. */
+size_t hal_link_peek(uint8_t *out, size_t capacity);
+
 /* Queues bytes for sending; returns how many were taken (all or the part that fits). */
 size_t hal_link_write(const uint8_t *data, size_t length);
 
@@ -104,6 +107,9 @@ void hal_can_start(uint32_t bits_per_s, const uint16_t ids[2]);
 
 /* The oldest frame received; false when there is none. */
 bool hal_can_read(struct hal_can_frame *out);
+
+/* The same frames once more, for the tick. */
+bool hal_can_peek(struct hal_can_frame *out);
 
 /* Frames that hal_can_write takes now; none while the board is not on the bus. They leave in order. */
 size_t hal_can_writable(void);

@@ -208,6 +208,45 @@ static void emergency_stop_pressed_at_rest_forbids_to_begin_until_it_is_cleared(
     fixture_expect_accepted();
 }
 
+static void stop_brakes_at_the_next_tick_while_the_main_loop_is_busy(void)
+{
+    static const uint8_t effort[PROTO_SET_EFFORT_REQUEST_SIZE] = {0, 0, 0x80, 0x3E,
+                                                                  0, 0, 0x80, 0x3E}; /* 0.25 */
+    for (uint16_t sequence = 0; sequence < 600; sequence++) { /* zeros in the frame, and none */
+        fixture_power_up();
+        drive_live(100);
+        fixture_say(PROTO_ID_SET_EFFORT, 7, effort, sizeof effort);
+        fixture_say(PROTO_ID_STOP, sequence, NULL, 0);
+        controller_tick(&fixture.controller);
+        assert_braked();
+        controller_tick(&fixture.controller);
+        assert_braked();
+        controller_poll(&fixture.controller); /* what arrived before the stop is refused, the stop answered */
+        assert_braked();
+        TEST_ASSERT_TRUE(fixture_hear());
+        TEST_ASSERT_EQUAL_HEX8(PROTO_ID_STOP | PROTO_REPLY_BIT, fixture.reply.id);
+        controller_tick(&fixture.controller);
+        assert_braked();
+        fixture_set_effort(0.25f, 0.25f);
+        fixture_expect_accepted();
+    }
+}
+
+static void damaged_stop_or_another_request_does_not_brake(void)
+{
+    uint8_t bytes[32];
+    drive_live(100);
+    const size_t size = frame_encode(PROTO_ID_STOP, 9, NULL, 0, bytes, sizeof bytes);
+    for (size_t i = 0; i + 1 < size; i++) {
+        bytes[i] ^= 0x10;
+        (void)hal_host_receive(&fixture.board, bytes, size);
+        bytes[i] ^= 0x10;
+    }
+    fixture_say(PROTO_ID_STATUS, 10, NULL, 0);
+    controller_tick(&fixture.controller);
+    TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
+}
+
 static void stop_leaves_a_latched_fault_latched(void)
 {
     fixture_set_effort(0.3f, 0.3f);
@@ -554,6 +593,8 @@ int main(void)
     RUN_TEST(nothing_moves_before_this_very_start_has_been_armed);
     RUN_TEST(emergency_stop_is_latched_and_cleared_only_with_its_contact_closed);
     RUN_TEST(emergency_stop_pressed_at_rest_forbids_to_begin_until_it_is_cleared);
+    RUN_TEST(stop_brakes_at_the_next_tick_while_the_main_loop_is_busy);
+    RUN_TEST(damaged_stop_or_another_request_does_not_brake);
     RUN_TEST(stop_leaves_a_latched_fault_latched);
     RUN_TEST(encoder_beyond_any_speed_stops_the_wheels);
     RUN_TEST(encoder_fault_ends_a_sequence_and_its_log_says_so);

@@ -109,6 +109,32 @@ def test_two_boards_with_one_number_are_both_found(image: Path, native_library: 
         assert len({node.board for node in nodes}) == 2
 
 
+@pytest.mark.parametrize("everyone", [True, False], ids=["to all boards", "to one board"])
+def test_a_stop_on_can_brakes_within_2_ms_while_the_main_loop_is_busy(
+    image: Path, native_library: Path, everyone: bool
+) -> None:
+    with CanChain(image) as chain:
+        device = chain.host()
+        chain.bus.run_us(300_000)
+        device.set_effort(0.3, 0.3)
+        chain.bus.run_us(100_000)
+        robot = chain.robots[0]
+        robot.write_flash(robot.symbol("log_feed_drain")[0] & ~1, b"\xfe\xe7")  # b .
+        chain.bus.run_us(1_500)
+        assert robot.bridge(0) != (1.0, 1.0)
+        if everyone:
+            stop_all(SimulatedBus(chain.bus))
+        else:
+            device.client.post(_StopOnce())
+        chain.bus.run_us(2_000)
+        assert robot.bridge(0) == (1.0, 1.0)
+        assert robot.bridge(1) == (1.0, 1.0)
+
+
+class _StopOnce(tp.StopRequest):
+    CHANGES = False  # sent once, without waiting for the answer
+
+
 def test_one_frame_stops_all_boards(image: Path, native_library: Path) -> None:
     with CanChain(image, boards=2) as chain:
         hosts = [chain.host(1), chain.host(2)]

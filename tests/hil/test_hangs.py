@@ -8,10 +8,12 @@ from pathlib import Path
 
 import pytest
 
+import truing_protocol as tp
 from hil_sim import VirtualRobot
 from truing.board.device import Device
 from truing.errors import Refused
 from truing.link.client import Client
+from truing.link.framing import Frame, encode
 from truing.link.virtual_stream import VirtualStream
 from truing.plan import Kind, Plan, Segment
 
@@ -174,3 +176,24 @@ def test_a_receive_ring_whose_index_is_overwritten_replays_no_old_request(robot:
         robot.run_us(1000)
         assert safe(robot)
     assert host(robot).info.boot_id == device.info.boot_id
+
+
+@pytest.mark.parametrize("at_us", range(0, 1000, 90))
+@pytest.mark.parametrize("state", ["live", "sequence"])
+def test_a_stop_brakes_within_2_ms_whatever_the_main_loop_does(
+    robot: VirtualRobot, state: str, at_us: int
+) -> None:
+    """The main loop is busy for ever, which is longer than any digest takes."""
+    robot.run_us(300_000)
+    device = host(robot)
+    STATES[state](device)
+    robot.run_us(200_000 + at_us)
+    hang_main_loop(robot)
+    robot.run_us(1_500)
+    assert not safe(robot)
+    device.client.stream.write(encode(Frame(tp.StopRequest.ID, 77, b"")))
+    began = robot.time_us
+    while not safe(robot):
+        robot.run_us(50)
+        assert robot.time_us - began < 2_000
+    print(f"stop: {(robot.time_us - began) / 1000:.2f} ms from its first bit")

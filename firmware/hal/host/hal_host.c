@@ -50,6 +50,7 @@ size_t hal_host_receive(struct hal_host *board, const uint8_t *data, size_t leng
     if (board->received_at == board->received_length) {
         board->received_at = 0;
         board->received_length = 0;
+        board->peeked_at = 0;
     }
     const size_t taken = min_size(length, sizeof board->received - board->received_length);
     memcpy(board->received + board->received_length, data, taken);
@@ -120,6 +121,14 @@ size_t hal_link_read(uint8_t *out, size_t capacity)
     return taken;
 }
 
+size_t hal_link_peek(uint8_t *out, size_t capacity)
+{
+    const size_t taken = min_size(capacity, current->received_length - current->peeked_at);
+    memcpy(out, current->received + current->peeked_at, taken);
+    current->peeked_at += taken;
+    return taken;
+}
+
 size_t hal_link_write(const uint8_t *data, size_t length)
 {
     const size_t taken =
@@ -149,6 +158,18 @@ bool hal_can_read(struct hal_can_frame *out)
     }
     current->can_received_at = 0;
     current->can_received_count = 0;
+    current->can_peeked_at = 0;
+    return false;
+}
+
+bool hal_can_peek(struct hal_can_frame *out)
+{
+    while (current->can_peeked_at < current->can_received_count) {
+        *out = current->can_received[current->can_peeked_at++];
+        if (out->id == current->can_ids[0] || out->id == current->can_ids[1]) {
+            return true;
+        }
+    }
     return false;
 }
 

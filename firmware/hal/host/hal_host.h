@@ -27,6 +27,7 @@ struct hal_host {
     uint8_t received[HAL_HOST_RECEIVE_SIZE]; /* on its way to the core */
     size_t received_length;
     size_t received_at;
+    size_t peeked_at;
     uint8_t sent[HAL_HOST_SEND_SIZE]; /* written by the core, not yet taken by the caller */
     size_t sent_length;
     size_t line_room; /* bytes that the line still takes; SIZE_MAX: no limit */
@@ -40,6 +41,7 @@ struct hal_host {
     struct hal_can_frame can_received[HAL_HOST_CAN_FRAMES]; /* on their way to the core */
     size_t can_received_count;
     size_t can_received_at;
+    size_t can_peeked_at;
     struct hal_can_frame can_sent[HAL_HOST_CAN_FRAMES]; /* written by the core, not yet taken by the caller */
     size_t can_sent_count;
     size_t can_room;         /* frames that the bus still takes; SIZE_MAX: no limit */
