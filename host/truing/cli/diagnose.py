@@ -70,6 +70,13 @@ LINE_WIDTH = 100
     metavar="EFFECT+EFFECT",
     help="Take these effects for the model, whatever the verdict: names of the ranking, or parts of them.",
 )
+@click.option(
+    "--measured",
+    metavar="NAME=VALUE",
+    multiple=True,
+    help="A number of [robot] as measured by hand (wheel_radius_m, wheelbase_m, counts_per_rev): takes the "
+    "baseline's place, and its error is ruled out.",
+)
 @click.option("--wheels-only", is_flag=True, help="Ignore the external pose (truth_*).")
 @click.option("--jobs", type=click.IntRange(min=1), help="Threads.  [default: one for each processor]")
 @pass_app
@@ -86,6 +93,7 @@ def command(
     commanded: bool,
     wheel: Wheel | None,
     accept: str | None,
+    measured: tuple[str, ...],
     wheels_only: bool,
     jobs: int | None,
 ) -> None:
@@ -103,6 +111,7 @@ def command(
       truing diagnose my_robot --commanded
       truing diagnose my_robot --export toml:model.toml --export params:board.toml
       truing diagnose my_robot --accept friction+asymmetry --export mjcf:robot.xml
+      truing diagnose my_robot --measured counts_per_rev=2400
       truing diagnose my_robot --next-run next.toml && truing run next.toml --set my_robot
     """
     # Set before numpy is loaded: the matrices here are small, and threads of their own only get in the way.
@@ -110,6 +119,7 @@ def command(
     with _one_line_errors():
         from truing.diagnose.diagnosis_input import Options, read_input
         from truing.diagnose.engine import diagnose
+        from truing.diagnose.measured import parse_measured, with_measured
         from truing.diagnose.present.exports import parse_exports, write_exports
         from truing.diagnose.present.text import sections
         from truing.diagnose.simulation.warm import compile_once
@@ -119,11 +129,12 @@ def command(
         for path in (json_path, report_path, next_run, *(export.path for export in wanted)):
             if path is not None:
                 check_output(path)
-        recordings = read_input(runs, model)
+        known = parse_measured(measured)
+        recordings = with_measured(read_input(runs, model), known)
         if commanded and (wheels_only or wheel is not None or sim_runs is not None):
             raise click.UsageError("--commanded goes without --wheel, --wheels-only and --sim-runs")
         accepted = () if accept is None else tuple(name.strip() for name in accept.split("+"))
-        options = Options(sim_runs, wheels_only, jobs, floor_m, commanded, wheel, accepted)
+        options = Options(sim_runs, wheels_only, jobs, floor_m, commanded, wheel, accepted, known)
         compile_once(app.note)
         with app.progress("diagnosing") as progress:
             diagnosis = diagnose(recordings, options, progress)

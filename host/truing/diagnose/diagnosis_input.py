@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from truing.diagnose.measured import Measured
 from truing.importers import import_file, is_foreign
 from truing.recording.baseline import read_baseline
 from truing.recording.reader import read_recording_set
@@ -25,6 +26,7 @@ class Options:
     floor_m : floor that a proposed run may use, m; None: as much as the recorded runs used.
     wheel : diagnose this wheel alone.
     accept : effects that the user takes for the model, whatever the verdict; empty: none.
+    measured : numbers of the robot that were measured directly.
     """
 
     sim_runs: Path | None = None
@@ -34,6 +36,7 @@ class Options:
     commanded: bool = False
     wheel: Wheel | None = None
     accept: tuple[str, ...] = ()
+    measured: tuple[Measured, ...] = ()
 
 
 def read_input(path: Path, model: Path | None) -> RecordingSet:

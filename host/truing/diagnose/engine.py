@@ -22,6 +22,7 @@ from truing.diagnose.diagnosis_input import Options
 from truing.diagnose.exchanges import best_exchange, with_exchanges
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.inter_sample_input import inter_sample_uncertainty, with_inter_sample_input
+from truing.diagnose.measured import ruled_out, with_measured
 from truing.diagnose.next_experiment import propose
 from truing.diagnose.noise import Noise, predicted_uncertainty, white_noise
 from truing.diagnose.noise_updates import noise_from_fit
@@ -72,6 +73,7 @@ def diagnose(
         The recordings allow no verdict; says why.
     """
     options = options or Options()
+    recordings = with_measured(recordings, options.measured)
     if options.wheels_only:
         recordings = recordings.without_pose()
     if options.sim_runs is None:
@@ -97,7 +99,14 @@ def _diagnose(recordings: RecordingSet, options: Options, progress: Progress) ->
     fault = None if options.commanded else find_encoder_fault(recordings, recordings.baseline)
     wheel = options.wheel or (None if fault is None else fault.other)
     selected = recordings if wheel is None else one_wheel(recordings, wheel)
-    diagnosis = analyse(selected, progress, options.jobs, commanded=options.commanded, accept=options.accept)
+    diagnosis = analyse(
+        selected,
+        progress,
+        options.jobs,
+        commanded=options.commanded,
+        accept=options.accept,
+        excluded=ruled_out(options.measured),
+    )
     if fault is not None and options.wheel != fault.other:
         diagnosis = with_encoder_fault(diagnosis, fault)
     known = {(check.topic, check.run, check.wheel) for check in diagnosis.checks}
@@ -123,6 +132,7 @@ def analyse(
     *,
     commanded: bool = False,
     accept: Sequence[str] = (),
+    excluded: frozenset[str] = frozenset(),
 ) -> Diagnosis:
     """Fits and verdict for recordings that have been checked, without what follows from the verdict.
 
@@ -131,11 +141,12 @@ def analyse(
     jobs : threads; all cores where None.
     commanded : the pose is compared with the commands, and the wheels are not used.
     accept : effects that the user takes for the model.
+    excluded : effects that a direct measurement rules out.
     """
     began = time.monotonic()
     measured = at_renewals(recordings)
     data = set_data(measured, commanded=commanded, repeated=_repeated(recordings, measured))
-    reasoning = investigate(data, progress, jobs or os.cpu_count() or 1)
+    reasoning = investigate(data, progress, jobs or os.cpu_count() or 1, excluded)
     if accept:
         reasoning = with_accepted(reasoning, accept)
     progress(0.9)
@@ -157,11 +168,13 @@ class _Stage:
     base: Fit
 
 
-def investigate(data: SetData, progress: Progress, jobs: int) -> Reasoning:
-    """All fits, and the verdict from them."""
+def investigate(
+    data: SetData, progress: Progress, jobs: int, excluded: frozenset[str] = frozenset()
+) -> Reasoning:
+    """All fits but of the excluded effects, and the verdict from them."""
     data = with_inter_sample_input(with_selected_signal(data))
     simulator = SetSimulator(data, data.baseline, commanded=data.commanded)
-    names = applicable_effects(data)
+    names = [name for name in applicable_effects(data) if name not in excluded]
     stage = initial_fit(data, simulator)
     progress(0.1)
     search = Search.from_baseline(stage.problem, stage.base, names, jobs)

@@ -18,6 +18,7 @@ import numpy as np
 
 from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.diagnose.data.set_data import SetData, set_data
+from truing.diagnose.measured import how_to_resolve
 from truing.diagnose.present.text import effect_title, joined
 from truing.diagnose.problem import Column, base_columns, effect_columns, moves_pose
 from truing.diagnose.profiles import Limits, Profile, Robot, candidate_plans
@@ -103,9 +104,11 @@ def _why(profile: Profile, explanations: Sequence[Explanation], score: float) ->
     names = names if len(explanations) == 2 else "these explanations"
     expected = f"the closest two would differ by {score:.1f} times the noise, the rival refitted"
     if score < 0.5 * CLEARLY_DIFFERENT:
+        option = how_to_resolve(name for one in explanations for name in one.effects)
+        direct = f"; or measure directly, and give {option}" if option else ""
         return (
             f"No safe run within the robot's limits distinguishes {names} well; this is the best one: "
-            f"{expected}. More floor, a faster log or a pose from outside would help"
+            f"{expected}. More floor, a faster log or a pose from outside would help{direct}"
         )
     again = "" if score >= CLEARLY_DIFFERENT else ", so drive it two or three times"
     return f"It distinguishes {names}: {_catalogue_hint(explanations) or profile.shows}; {expected}{again}"
@@ -125,7 +128,9 @@ def _direct_measurement_text(
         names = [name for name in one if name not in other] + [name for name in other if name not in one]
         text = f"no drive distinguishes {joined([effect_title(name) for name in names], 'from')}"
         hint = CATALOGUE[names[0]].separated_by.get(names[-1], "") if len(names) == 2 else ""
-        texts.append(f"{text} ({hint})" if hint else text)
+        text = f"{text} ({hint})" if hint else text
+        option = how_to_resolve(names)
+        texts.append(f"{text}: give what you measure with {option}" if option else text)
     return "".join(f"; {text}" for text in texts)
 
 
