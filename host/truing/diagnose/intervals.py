@@ -39,7 +39,10 @@ def covariance(problem: Problem, done: Fit) -> FloatArray:
     jacobian = raw * problem.loss_slopes(flat)[:, None]
     scale = np.sqrt(np.maximum(np.sum(jacobian**2, axis=0), 1e-12))
     unit = jacobian / scale
-    inverse_information = _inverse_information(unit, _at_a_bound(done))
+    pulls = _pulls(problem, done) / scale
+    inverse_information = _inverse_information(
+        np.concatenate((unit, np.diag(pulls)[pulls > 0.0])), _at_a_bound(done)
+    )
     likelihood = inverse_information * max(_mean_squared_residual(done, flat), 0.25)
     between = _cluster_variances(problem, inverse_information, unit * flat[:, None])
     variances = np.diag(likelihood) + between + (scale * _white_noise_shift(problem, done)) ** 2
@@ -54,6 +57,14 @@ def covariance(problem: Problem, done: Fit) -> FloatArray:
     )
     deviation = np.where(identifiable, widened / scale, unconstrained)
     return np.asarray(correlation * np.outer(deviation, deviation))
+
+
+def _pulls(problem: Problem, done: Fit) -> FloatArray:
+    """How strongly the plain fit of a model that leaves more than noise pulls its parameters, shape (p,)."""
+    speeds = done.residual.speeds
+    if problem.data.commanded or not problem.exceeds_noise(speeds):
+        return np.zeros(done.size)
+    return problem.plain(problem.free_run_rmse(speeds)).pulls(done.columns)
 
 
 def _at_a_bound(done: Fit) -> BoolArray:

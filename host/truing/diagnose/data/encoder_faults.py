@@ -117,12 +117,7 @@ def with_encoder_fault(of_other: Diagnosis, found: EncoderFault) -> Diagnosis:
         verdict="unexplained",
         effects=(),
         exact={},
-        # What the other wheel's effects leave is told in the note; the result is the refitted baseline.
-        fit=replace(
-            of_other.fit,
-            model_rmse=of_other.fit.refit_rmse,
-            heldout_model_rmse=of_other.fit.heldout_refit_rmse,
-        ),
+        # `fit` says what the other wheel's effects leave; what is exported is the refitted baseline.
         numbers=tuple(_refitted(entry) for entry in of_other.numbers),
         mismatch=found.spans,
         next_experiment=None,

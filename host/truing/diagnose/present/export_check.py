@@ -128,9 +128,11 @@ def _simulated(model: RobotModel, wheel: Wheel, trace: RunTraces, column: int) -
 
 
 def _claimed(diagnosis: Diagnosis) -> float:
-    """The error that the diagnosis claims for its model, m/s."""
+    """The error that the diagnosis claims for what it exports, m/s: with effects where it names some."""
     fit = diagnosis.fit
-    return fit.baseline_rmse if diagnosis.verdict == "consistent" else fit.model_rmse
+    if diagnosis.verdict == "consistent":
+        return fit.baseline_rmse
+    return fit.model_rmse if diagnosis.effects else fit.refit_rmse
 
 
 def _verdict(kind: str, found_mps: float, claimed_mps: float, missing: Sequence[str]) -> str:
