@@ -11,7 +11,7 @@ from support.chain import Chain
 from support.faulty_stream import FaultyStream
 from truing.board.device import Device
 from truing.board.drive import drive
-from truing.errors import BoardRebooted, LinkClosed
+from truing.errors import BoardFault, BoardRebooted, LinkClosed
 from truing.link.client import Client
 from truing.log.decode import decode_log
 from truing.log.partial_file import PartialFile, read_identity
@@ -156,7 +156,7 @@ def test_a_reset_in_the_middle_of_a_drive_is_named_and_leaves_the_wheels_braked(
             if share > 0.33 and chain.robot.stats().resets < 2:
                 chain.robot.reset()
 
-        with pytest.raises(BoardRebooted):
+        with pytest.raises(BoardFault, match="unexpected_reset"):
             drive(device, DEMO_PLAN, progress=reset_after_three_seconds, say=lambda _: None)
         chain.robot.run_us(1_000_000)
         assert abs(chain.robot.truth().wheel_speed_radps[0]) < 0.01

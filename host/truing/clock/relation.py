@@ -19,6 +19,8 @@ FEWEST = 8
 # The quickest of so many neighbours stands for them: the smallest delay has the smallest displacement
 # (the clock filter of NTP, RFC 5905 section 10, takes the quickest of eight).
 _NEIGHBOURS = 8
+# A reading this many robust standard deviations (1.4826 times the median deviation) off the line is none.
+_OUTLIER = 8.0
 _CONFIDENCE = 0.95
 
 
@@ -159,7 +161,8 @@ def _regression(
 
     `delay_us` is what each took longer than the quickest of all. Where delays fall on one direction more than
     on the other (an adapter that collects bytes, a frame on the bus that grows with what it carries), they
-    displace the middle by a share of themselves, which is a third unknown.
+    displace the middle by a share of themselves, which is a third unknown. A message that waited for a frame
+    one way can be as quick as others and 0.1 ms off: what lies so far from the line is left out.
     """
     from scipy.stats import t
 
@@ -167,10 +170,13 @@ def _regression(
     if np.ptp(delay_us) > 0.1:
         columns.append(delay_us)
     matrix = np.column_stack(columns)
+    first = np.abs(y_us - matrix @ (np.linalg.pinv(matrix) @ y_us))
+    kept = first <= max(_OUTLIER * 1.4826 * float(np.median(first)), step_us)
+    matrix, y_us = matrix[kept], y_us[kept]
     inverse = np.linalg.pinv(matrix)
     solution = inverse @ y_us
     residual = y_us - matrix @ solution
-    freedom = len(x_s) - matrix.shape[1]
+    freedom = len(y_us) - matrix.shape[1]
     # Readings that happen to agree are still rounded.
     scatter = max(math.sqrt(float(residual @ residual) / freedom), step_us / math.sqrt(12))
     half = float(t.ppf((1 + _CONFIDENCE) / 2, freedom)) * scatter * float(np.linalg.norm(inverse[1]))

@@ -205,8 +205,7 @@ def effect_parameters(
         moved[list(column.entries)] += step
         for key, value in simulator.report(name, moved).items():
             slopes[key][k] = (value - centre[key]) / step
-    free = {column.name for column in done.columns}
-    idle = {p.name for p in CATALOGUE[name].parameters if p.beside and f"{name}.{p.name}" not in free}
+    idle = idle_parameters(done, name)
     out = {}
     for key, value in centre.items():
         if key in idle:
@@ -216,6 +215,14 @@ def effect_parameters(
         ends = _possible(simulator.range_of(name, key), value, half)
         out[key] = EffectParameter(value, ends, units.get(key, "1"))
     return _clear_of_absent(problem, done, name, out)
+
+
+def idle_parameters(done: Fit, name: str) -> frozenset[str]:
+    """Parameters of an effect that stay off in a model without the effects that they need beside them."""
+    free = {column.name for column in done.columns}
+    return frozenset(
+        p.name for p in CATALOGUE[name].parameters if p.beside and f"{name}.{p.name}" not in free
+    )
 
 
 def _clear_of_absent(

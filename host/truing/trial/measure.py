@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -10,8 +11,9 @@ import numpy as np
 
 from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.diagnose.fit import Fit
+from truing.diagnose.intervals import idle_parameters
 from truing.diagnose.problem import Problem
-from truing.diagnose.result import Diagnosis, MismatchSpan
+from truing.diagnose.result import Diagnosis, EffectParameter, MismatchSpan, NamedEffect
 from truing.diagnose.search import Search
 from truing.recording.run import TRUTH_COLUMNS
 from truing.trial.comparators.opinion import Opinion
@@ -115,6 +117,11 @@ def measure(true_model: TrueModel, diagnosis: Diagnosis) -> Measured:
     )
 
 
+def _parameters(said: dict[str, NamedEffect], name: str) -> Mapping[str, EffectParameter]:
+    """What a verdict says of an effect; nothing of one that it does not name."""
+    return said[name].parameters if name in said else {}
+
+
 def _with(figures: Measured, **values: Any) -> Measured:
     return replace(figures, **values)
 
@@ -173,9 +180,12 @@ def _intervals(
     inside: dict[str, bool] = {}
     said = {effect.name: effect for effect in diagnosis.effects if effect.explanation == 0}
     for name in true_model.names:
+        idle = idle_parameters(ideal, name)
         for key, value in true_model.on_clean.simulator.report(name, ideal.theta).items():
+            if key in idle:
+                continue
             effective[f"{name}.{key}"] = value
-            if diagnosis.verdict != "missing_physics" or name not in said:
+            if diagnosis.verdict != "missing_physics" or key not in _parameters(said, name):
                 continue
             low, high = said[name].parameters[key].ci95
             intervals[f"{name}.{key}"] = (float(low), float(high))

@@ -18,7 +18,7 @@ def moving(*, equal: bool, gyro: bool) -> SetData:
 
 
 def free(data: SetData) -> list[str]:
-    return [column.name for column in effect_columns(SetSimulator(data), "encoder_scale")]
+    return [column.name for column in effect_columns(SetSimulator(data), "encoder_scale", ())]
 
 
 def test_counts_per_revolution_are_one_with_free_gains() -> None:
