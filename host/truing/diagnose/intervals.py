@@ -39,7 +39,7 @@ def covariance(problem: Problem, done: Fit) -> FloatArray:
     jacobian = raw * problem.loss_slopes(flat)[:, None]
     scale = np.sqrt(np.maximum(np.sum(jacobian**2, axis=0), 1e-12))
     unit = jacobian / scale
-    pulls = _pulls(problem, done) / scale
+    pulls = problem.judging(done.residual.speeds).pulls(done.columns) / scale
     inverse_information = _inverse_information(
         np.concatenate((unit, np.diag(pulls)[pulls > 0.0])), _at_a_bound(done)
     )
@@ -57,14 +57,6 @@ def covariance(problem: Problem, done: Fit) -> FloatArray:
     )
     deviation = np.where(identifiable, widened / scale, unconstrained)
     return np.asarray(correlation * np.outer(deviation, deviation))
-
-
-def _pulls(problem: Problem, done: Fit) -> FloatArray:
-    """How strongly the plain fit of a model that leaves more than noise pulls its parameters, shape (p,)."""
-    speeds = done.residual.speeds
-    if problem.data.commanded or not problem.exceeds_noise(speeds):
-        return np.zeros(done.size)
-    return problem.plain(problem.free_run_rmse(speeds)).pulls(done.columns)
 
 
 def _at_a_bound(done: Fit) -> BoolArray:

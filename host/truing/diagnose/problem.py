@@ -221,6 +221,16 @@ class Problem:
             self, noise=white_noise(self.lagged, max(rms_mps, 1e-9)), counted=counted, is_plain=True
         )
 
+    def judging(self, speeds: FloatArray) -> Problem:
+        """For models beside one with these speeds (n, 2): plain where it leaves more than noise.
+
+        There no noise model is right; one that takes a model error for noise leaves parameters undetermined
+        that the free-run error determines.
+        """
+        if self.data.commanded or not self.exceeds_noise(speeds):
+            return self
+        return self.plain(self.free_run_rmse(speeds))
+
     def for_thread(self) -> Problem:
         """The same problem with a simulator of its own (its scratch memory is not thread-safe)."""
         return replace(self, simulator=self.simulator.select(range(self.data.runs)))

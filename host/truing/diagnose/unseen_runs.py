@@ -44,15 +44,8 @@ class UnseenRuns:
 
     @classmethod
     def beside(cls, problem: Problem, best: Fit) -> UnseenRuns:
-        """For models compared with `best`: fitted by plain least squares where it leaves more than noise.
-
-        There no noise model is right; one that takes a model error for noise leaves parameters undetermined
-        that the free-run error determines.
-        """
-        speeds = best.residual.speeds
-        if problem.data.commanded or not problem.exceeds_noise(speeds):
-            return cls(problem)
-        return cls(problem.plain(problem.free_run_rmse(speeds)))
+        """For models compared with `best`: by plain least squares where it leaves more than noise."""
+        return cls(problem.judging(best.residual.speeds))
 
     def errors(self, one: Fit) -> UnseenErrors:
         """Errors of the structure of `one`, fitted without each part of the runs in turn."""

@@ -59,7 +59,7 @@ class EncoderFault:
             f"reads {100.0 * low:.0f} to {100.0 * high:.0f} % of the {self.other} wheel from run to run "
             f"under the same effort, and fluctuates by {100.0 * self.fluctuation:.0f} % at steady speed: its "
             "encoder loses counts, or the two motors are not alike (another motor, a driver that limits, a "
-            "wheel that binds); from these recordings the two cannot be told apart"
+            "wheel that binds); from these recordings the two cannot be distinguished"
         )
         step = (
             "Turn the wheel ten times by hand and count: right counts clear the encoder, and the motor or "
