@@ -108,7 +108,9 @@ class Allowance:
 
 HANDLERS = {
     "SysTick_Handler": Allowance("control tick", 10_000, "a tenth of the tick, at 1.7 cycles each"),
-    "USART3_Handler": Allowance("serial port", 300, "3 us of a byte's 10.8, at 1.7 cycles each"),
+    "PVD_Handler": Allowance("supply sags, PVD", 100, "1 us, at 1.7 cycles each"),
+    "USART3_Handler": Allowance("serial port, idle line", 100, "1 us, at 1.7 cycles each"),
+    "DMA1_Stream3_Handler": Allowance("serial port, run sent", 100, "the same; a byte lasts 10.8 us"),
     "CAN1_TX_Handler": Allowance("CAN, sent", 500, "3 us, at 1 cycle each; the shortest frame takes 47"),
     "CAN1_RX0_Handler": Allowance("CAN, received", 500, "the same; three frames wait in hardware"),
     "CAN1_SCE_Handler": Allowance("CAN, errors", 500, "the same; once each time the bus is left"),
@@ -175,7 +177,7 @@ shows it.
 - **Instructions**: most that one run of a handler took on the virtual board, those of handlers that
   interrupted it not counted: a log at {{rate}} Hz, both wheels driven in both modes, both directions of the
   line full, statuses over CAN at 1 Mbit/s as fast as they are answered, a shorted bus, then a fault that
-  stops.
+  stops and a sag of the supply.
 - **Times and loads**: at 168 MHz, with the virtual board's cycles (`hil_sim/README.md`: one an instruction;
   loads, stores and branches more; no flash wait states; {{cpi:.2f}} cycles an instruction over the ticks).
   Good to tens of per cent; a chip is yet to say.

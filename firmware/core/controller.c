@@ -26,13 +26,13 @@ void controller_init(struct controller *controller)
 
 static bool hears_stop(struct controller *controller)
 {
-    uint8_t bytes[64];
+    const uint8_t *bytes;
     struct hal_can_frame frame;
     bool heard = false;
-    size_t count = hal_link_peek(bytes, sizeof bytes);
+    size_t count = hal_link_peek(&bytes);
     while (count > 0) {
         heard = stop_listener_hear(&controller->listener, bytes, count) || heard;
-        count = hal_link_peek(bytes, sizeof bytes);
+        count = hal_link_peek(&bytes);
     }
     while (hal_can_peek(&frame)) {
         heard = stop_listener_is_stop(&frame) || heard;

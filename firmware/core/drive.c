@@ -5,10 +5,11 @@
 #include "rounding.h"
 
 static const float effort_to_e4 = 10000.0f;
+static const float tick_s = 0.001f;
 
 void drive_init(struct drive *drive)
 {
-    *drive = (struct drive){.mode = PROTO_MODE_IDLE, .braked_ms = DRIVE_AT_REST_MS};
+    *drive = (struct drive){.mode = PROTO_MODE_IDLE};
 }
 
 void drive_command(struct drive *drive, uint8_t mode, float left, float right)
@@ -36,7 +37,8 @@ static float wheel_effort(struct drive *drive, const struct tuning *tuning, int 
 {
     switch (drive->mode) {
     case PROTO_MODE_EFFORT:
-        return drive->command[wheel];
+        return slew((float)drive->applied_e4[wheel] / effort_to_e4, drive->command[wheel],
+                    tuning->effort_slew_per_s * tick_s);
     case PROTO_MODE_VELOCITY:
         if (drive->take_over) {
             /* The previous effort is the slew limit's starting point, so that there is no step. */
@@ -61,8 +63,7 @@ void drive_step(struct drive *drive, const struct tuning *tuning,
 {
     int16_t pins_e4[HAL_WHEELS];
     float wanted[HAL_WHEELS];
-    bool braked = true;
-    bool finite = is_share(tuning->effort_limit);
+    bool finite = is_share(tuning->effort_limit) && is_finite(tuning->effort_slew_per_s);
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
         wanted[wheel] = wheel_effort(drive, tuning, wheel, &speed[wheel], still[wheel]);
         finite = finite && is_finite(wanted[wheel]);
@@ -74,14 +75,8 @@ void drive_step(struct drive *drive, const struct tuning *tuning,
         const int16_t effort_e4 = (int16_t)round_to_i32(effort * effort_to_e4);
         drive->applied_e4[wheel] = effort_e4;
         pins_e4[wheel] = (int16_t)(tuning->motor_reversed[wheel] ? -effort_e4 : effort_e4);
-        braked = braked && effort_e4 == 0;
     }
     drive->take_over = false;
-    if (!braked) {
-        drive->braked_ms = 0;
-    } else if (drive->braked_ms < DRIVE_AT_REST_MS) {
-        drive->braked_ms++;
-    }
     hal_drive(pins_e4);
 }
 

@@ -16,11 +16,7 @@ struct drive {
     bool take_over;                 /* velocity mode begins with the next tick */
     int16_t applied_e4[HAL_WHEELS]; /* what the bridges apply now, forward positive */
     bool not_finite;                /* the last step had no effort to apply, and braked */
-    uint32_t braked_ms;             /* ticks since an effort was last applied, saturating */
 };
-
-/* A wheel braked for this long has come to rest from any speed. */
-enum { DRIVE_AT_REST_MS = 2000 };
 
 /* Braked and at rest. */
 void drive_init(struct drive *drive);

@@ -20,6 +20,7 @@ void robot_init(struct robot *robot, uint32_t boot_id, uint32_t boot_faults)
         robot->counts[wheel] = 0;
         wheel_speed_init(&robot->wheels[wheel], 0);
         wheel_watch_init(&robot->watches[wheel], 0);
+        robot->heat[wheel] = (struct motor_heat){0};
         robot->speed[wheel] = (struct wheel_measure){0};
     }
     robot->odometry = (struct odometry){0};
@@ -47,6 +48,15 @@ static int32_t forward(const struct robot *robot, int wheel, int32_t now, int32_
 {
     return robot->tuning.encoder_reversed[wheel] ? wrapped_difference(then, now)
                                                  : wrapped_difference(now, then);
+}
+
+/* Of the effort that was applied up to now. */
+static void warm(struct robot *robot, int wheel)
+{
+    const float effort = 1e-4f * (float)robot->drive.applied_e4[wheel];
+    const float supply_v = 0.001f * (float)robot->sample.battery_mv;
+    motor_heat_step(&robot->heat[wheel], &robot->tuning.thermal, effort, supply_v, robot->speed[wheel].mps);
+    robot->view.hot[wheel] = robot->heat[wheel].hot;
 }
 
 /* Counts, speeds and pose of this tick. */
@@ -89,14 +99,16 @@ static void sense(struct robot *robot)
         robot->view.lost[wheel] = robot->watches[wheel].lost;
         robot->view.reversed[wheel] = robot->watches[wheel].reversed;
         robot->view.stalled[wheel] = robot->watches[wheel].stalled;
-        finite = finite && is_finite(robot->view.speed_mps[wheel] + robot->speed[wheel].mps);
+        finite = finite && is_finite(robot->view.speed_mps[wheel] + robot->speed[wheel].mps +
+                                     robot->heat[wheel].heat_a2);
+        warm(robot, wheel);
     }
     robot->supervisor.not_finite = !finite;
     robot->speeds_stale = false;
     odometry_step(&robot->odometry, &robot->tuning.geometry, moved[0], moved[1]);
-    robot->view.at_rest = robot->drive.braked_ms >= DRIVE_AT_REST_MS;
     robot->view.battery_mv = robot->sample.battery_mv;
     robot->view.battery_valid = robot->sample.battery_valid;
+    robot->view.supply_dip = robot->sample.supply_dip;
     robot->view.emergency_stop = robot->sample.emergency_stop;
 }
 

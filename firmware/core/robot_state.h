@@ -10,6 +10,7 @@
 #include "log.h"
 #include "log_feed.h"
 #include "log_trigger.h"
+#include "motor_heat.h"
 #include "odometry.h"
 #include "parameter_store.h"
 #include "parameters.h"
@@ -30,6 +31,7 @@ struct robot {
     int32_t counts[HAL_WHEELS]; /* forward positive, since start-up, wrapping */
     struct wheel_speed wheels[HAL_WHEELS];
     struct wheel_watch watches[HAL_WHEELS];
+    struct motor_heat heat[HAL_WHEELS];
     struct wheel_measure speed[HAL_WHEELS]; /* controlled variable of velocity mode */
     struct odometry odometry;
     struct drive drive;

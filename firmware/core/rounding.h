@@ -1,4 +1,4 @@
-/* Rounding, clamping and finiteness that stay defined for every float, NaN included. */
+/* Rounding, clamping, slewing and finiteness that stay defined for every float, NaN included. */
 #ifndef ROUNDING_H
 #define ROUNDING_H
 
@@ -18,6 +18,15 @@ static inline float clampf(float value, float low, float high)
         return low;
     }
     return value < high ? value : high;
+}
+
+/* `from` moved towards `to` by at most `step`; exactly `to` when that is within reach. */
+static inline float slew(float from, float to, float step)
+{
+    if (to - from > step) {
+        return from + step;
+    }
+    return to - from < -step ? from - step : to;
 }
 
 /* Half away from zero; the caller keeps |value| below 2^31. */

@@ -2,10 +2,13 @@
  * requests. */
 #include "stop_listener.h"
 
+#include <string.h>
+
 #include "frame.h"
 #include "proto.h"
 
-enum { STOP_LENGTH = 7 }; /* id, sequence, CRC */
+/* On the line: a zero, the code byte, id, sequence and CRC, a zero. */
+enum { STOP_LENGTH = 7, CODED_LENGTH = 8, AFTER_ID = 7, ID = PROTO_ID_STOP };
 
 /* The cheap questions first: most frames are others. */
 static bool is_stop(const uint8_t *plain, size_t length)
@@ -14,56 +17,74 @@ static bool is_stop(const uint8_t *plain, size_t length)
     return length == STOP_LENGTH && plain[0] == (uint8_t)PROTO_ID_STOP && frame_open(plain, length, &frame);
 }
 
-/* Takes COBS off a frame shorter than its longest run; false where the runs do not fit the frame. */
-static bool unstuff(const uint8_t *coded, uint8_t length, uint8_t *plain, uint8_t *plain_length)
+/* Takes COBS off the bytes between two zeros; false where a zero lies among them or the runs do not fit. */
+static bool unstuff(const uint8_t *coded, uint8_t *plain)
 {
     uint8_t at = 0;
     uint8_t filled = 0;
-    while (at < length) {
+    while (at < CODED_LENGTH) {
         const uint8_t code = coded[at];
-        if (code == 0 || code > length - at) {
+        if (code == 0 || code > CODED_LENGTH - at) {
             return false;
         }
         for (uint8_t i = 1; i < code; i++) {
+            if (coded[at + i] == 0) {
+                return false;
+            }
             plain[filled] = coded[at + i];
             filled++;
         }
         at = (uint8_t)(at + code);
-        if (at < length) {
+        if (at < CODED_LENGTH) {
             plain[filled] = 0;
             filled++;
         }
     }
-    *plain_length = filled;
-    return true;
+    return filled == STOP_LENGTH;
 }
 
-static bool ends_stop(const struct stop_listener *listener)
+/* Whether a stop and the zeros around it lie here, its id at `at`. The id is no zero, so it stands behind the
+ * first code byte as it is. */
+static bool is_stop_at(const uint8_t *bytes, size_t at)
 {
-    uint8_t plain[STOP_LISTENER_LONGEST];
-    uint8_t length = 0;
-    /* The id is no zero, and so stands behind the first code byte as it is. */
-    return listener->length == STOP_LENGTH + 1 && listener->coded[1] == (uint8_t)PROTO_ID_STOP &&
-           unstuff(listener->coded, listener->length, plain, &length) && is_stop(plain, length);
+    uint8_t plain[CODED_LENGTH];
+    return bytes[at] == ID && bytes[at - 2u] == 0 && bytes[at + AFTER_ID] == 0 &&
+           unstuff(bytes + at - 1, plain) && is_stop(plain, STOP_LENGTH);
+}
+
+/* Looks for the id, four bytes at a time, since most bytes are none. */
+static bool has_stop(const uint8_t *bytes, size_t count)
+{
+    size_t at = 2;
+    while (at + AFTER_ID < count) {
+        uint32_t word;
+        memcpy(&word, bytes + at, sizeof word);
+        const uint32_t others = word ^ (0x01010101u * ID); /* a byte is zero where it is the id */
+        const size_t end = at + sizeof word;
+        if (((others - 0x01010101u) & ~others & 0x80808080u) != 0) { /* a zero borrows */
+            for (; at < end && at + AFTER_ID < count; at++) {
+                if (is_stop_at(bytes, at)) {
+                    return true;
+                }
+            }
+        }
+        at = end;
+    }
+    return false;
 }
 
 bool stop_listener_hear(struct stop_listener *listener, const uint8_t *bytes, size_t count)
 {
-    bool heard = false;
-    uint8_t length = listener->length;
-    for (size_t i = 0; i < count; i++) {
-        if (bytes[i] == 0) {
-            listener->length = length;
-            heard = ends_stop(listener) || heard;
-            length = 0;
-        } else if (length < STOP_LISTENER_LONGEST) {
-            listener->coded[length] = bytes[i];
-            length++;
-        } else {
-            /* too long for a stop */
-        }
+    uint8_t seam[2 * STOP_LISTENER_KEPT];
+    const size_t first = count < STOP_LISTENER_KEPT ? count : STOP_LISTENER_KEPT;
+    memcpy(seam, listener->last, STOP_LISTENER_KEPT);
+    memcpy(seam + STOP_LISTENER_KEPT, bytes, first);
+    const bool heard = has_stop(seam, STOP_LISTENER_KEPT + first) || has_stop(bytes, count);
+    if (count < STOP_LISTENER_KEPT) {
+        memcpy(listener->last, seam + first, STOP_LISTENER_KEPT);
+    } else {
+        memcpy(listener->last, bytes + count - STOP_LISTENER_KEPT, STOP_LISTENER_KEPT);
     }
-    listener->length = length;
     return heard;
 }
 

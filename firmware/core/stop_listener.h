@@ -12,13 +12,12 @@
 
 #include "hal.h"
 
-/* A stop without payload is 9 bytes; a longer frame is none, and is left to the main loop. */
-enum { STOP_LISTENER_LONGEST = 12 };
+/* A stop has no payload: with the zeros around it, it takes ten bytes, one more than have to be kept. */
+enum { STOP_LISTENER_KEPT = 9 };
 
 /* All zero is the state at the start of a stream. */
 struct stop_listener {
-    uint8_t coded[STOP_LISTENER_LONGEST];
-    uint8_t length; /* of the frame that arrives, saturating */
+    uint8_t last[STOP_LISTENER_KEPT]; /* bytes of the line */
 };
 
 /* Takes bytes of the serial line; true when one of them ended a valid stop. */

@@ -23,22 +23,14 @@ static bool faster_than(float speed_mps, float limit_mps)
     return speed_mps > limit_mps || speed_mps < -limit_mps;
 }
 
-static bool wheel_implausible(const struct supervisor *supervisor, const struct tuning *tuning,
-                              const struct supervisor_view *view, int wheel)
-{
-    /* While the robot moves, a slope or the other wheel may turn a braked wheel; that does not stop it. */
-    const bool turns_at_rest = !supervisor_is_moving(supervisor) && view->at_rest && !view->still[wheel];
-    return faster_than(view->speed_mps[wheel], tuning->encoder_speed_max_mps) || turns_at_rest;
-}
-
 DETECTOR(left_implausible)
 {
-    return wheel_implausible(supervisor, tuning, view, 0);
+    return faster_than(view->speed_mps[0], tuning->encoder_speed_max_mps);
 }
 
 DETECTOR(right_implausible)
 {
-    return wheel_implausible(supervisor, tuning, view, 1);
+    return faster_than(view->speed_mps[1], tuning->encoder_speed_max_mps);
 }
 
 DETECTOR(battery_unread)
@@ -55,6 +47,16 @@ DETECTOR(battery_low)
         return was_low;
     }
     return view->battery_mv < (was_low ? tuning->battery_recovered_mv : tuning->battery_low_mv);
+}
+
+static bool supply_too_high(const struct tuning *tuning, const struct supervisor_view *view)
+{
+    return view->battery_valid && view->battery_mv > tuning->battery_high_mv;
+}
+
+DETECTOR(battery_high)
+{
+    return supply_too_high(tuning, view);
 }
 
 DETECTOR(host_silent)
@@ -157,6 +159,26 @@ DETECTOR(emergency_stop)
     return view->emergency_stop;
 }
 
+DETECTOR(left_hot)
+{
+    return view->hot[0];
+}
+
+DETECTOR(right_hot)
+{
+    return view->hot[1];
+}
+
+DETECTOR(supply_dip)
+{
+    return view->supply_dip;
+}
+
+DETECTOR(brown_out_reset_off)
+{
+    return (supervisor->noted & PROTO_FAULT_BROWN_OUT_RESET_OFF) != 0;
+}
+
 DETECTOR(main_loop_hung)
 {
     return supervisor->main_loop_hung;
@@ -188,7 +210,12 @@ DETECTOR(main_loop_hung)
     ROW(CONTROL_NOT_FINITE, not_finite, 0, true, WHEN_GONE)                                                  \
     ROW(MAIN_LOOP_HUNG, main_loop_hung, 0, true, AT_ONCE)                                                    \
     ROW(UNEXPECTED_RESET, unexpected_reset, 0, true, AT_ONCE)                                                \
-    ROW(EMERGENCY_STOP, emergency_stop, 0, true, AT_ONCE)
+    ROW(EMERGENCY_STOP, emergency_stop, 0, true, AT_ONCE)                                                    \
+    ROW(BATTERY_HIGH, battery_high, SUPERVISOR_BATTERY_HIGH_MS, true, WHEN_GONE)                             \
+    ROW(MOTOR_LEFT_HOT, left_hot, 0, true, WHEN_GONE)                                                        \
+    ROW(MOTOR_RIGHT_HOT, right_hot, 0, true, WHEN_GONE)                                                      \
+    ROW(SUPPLY_DIP, supply_dip, 0, true, WHEN_GONE)                                                          \
+    ROW(BROWN_OUT_RESET_OFF, brown_out_reset_off, 0, false, LASTS)
 
 enum position {
 #define POSITION(name, present, hold, stops, clears) POSITION_##name,
@@ -297,11 +324,17 @@ uint32_t supervisor_self_check(const struct supervisor *supervisor, const struct
     if (view->emergency_stop) {
         unfit |= PROTO_FAULT_EMERGENCY_STOP;
     }
+    if (view->supply_dip) {
+        unfit |= PROTO_FAULT_SUPPLY_DIP;
+    }
     if (!view->battery_valid) {
         unfit |= PROTO_FAULT_BATTERY_UNREAD;
     } else if (view->battery_mv < tuning->battery_low_mv) {
         /* At rest the supply does not sag: one reading suffices to refuse. */
         unfit |= PROTO_FAULT_BATTERY_LOW;
+    }
+    if (supply_too_high(tuning, view)) {
+        unfit |= PROTO_FAULT_BATTERY_HIGH;
     }
     return unfit;
 }

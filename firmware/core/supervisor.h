@@ -12,6 +12,8 @@
 enum {
     /* The supply sags for tens of milliseconds when both motors start; a battery that is flat stays low. */
     SUPERVISOR_BATTERY_LOW_MS = 250,
+    /* Two readings in a row: a supply without a battery rises by 2 V a millisecond. */
+    SUPERVISOR_BATTERY_HIGH_MS = 1,
     /* Longer than a window of the speed measurement: one disturbed count does not trip it. */
     SUPERVISOR_OVERSPEED_MS = 20,
 };
@@ -45,9 +47,10 @@ struct supervisor_view {
     float speed_mps[HAL_WHEELS];
     bool still[HAL_WHEELS];
     bool lost[HAL_WHEELS], reversed[HAL_WHEELS], stalled[HAL_WHEELS]; /* see wheel_watch.h */
-    bool at_rest; /* both wheels have been braked for so long that they must stand */
+    bool hot[HAL_WHEELS];                                             /* see motor_heat.h */
     uint16_t battery_mv;
     bool battery_valid;
+    bool supply_dip;     /* the board's own supply sags */
     bool emergency_stop; /* pressed, or not released by hal_release_emergency_stop since */
 };
 

@@ -19,6 +19,14 @@ static uint16_t watch_ms(uint16_t min_ms, float metres_per_count)
     return (uint16_t)((float)min_ms + clampf(wait_ms, 0.0f, 5000.0f));
 }
 
+/* A twentieth of the speed at which back-EMF balances the effort, which a feedforward without kv does not
+ * tell. */
+static float creep_mps(float kv)
+{
+    const float min_kv = 0.05f;
+    return kv > min_kv ? 0.05f / kv : 0.0f;
+}
+
 /* A feedforward set to zero or nearly so carries no information about the robot's mass. */
 static float watch_ka(float ka)
 {
@@ -29,10 +37,11 @@ static float watch_ka(float ka)
 bool tuning_is_finite(const struct tuning *tuning)
 {
     float sum = tuning->metres_per_count + tuning->half_wheelbase_m + tuning->effort_limit +
-                tuning->speed_limit_mps + tuning->encoder_speed_max_mps + tuning->overspeed_mps +
-                tuning->stall_effort;
+                tuning->effort_slew_per_s + tuning->thermal.resistance_ohm + tuning->thermal.emf_vs_per_m +
+                tuning->thermal.limit_a2 + tuning->thermal.share + tuning->speed_limit_mps +
+                tuning->encoder_speed_max_mps + tuning->overspeed_mps + tuning->stall_effort;
     for (int wheel = 0; wheel < HAL_WHEELS; wheel++) {
-        sum += tuning->watch_ka[wheel];
+        sum += tuning->watch_kv[wheel] + tuning->watch_ka[wheel] + tuning->creep_mps[wheel];
     }
     return is_finite(sum);
 }
@@ -52,6 +61,7 @@ void tuning_from_parameters(struct tuning *tuning, const struct parameters *para
     tuning->motor_reversed[0] = p[PROTO_PARAMETER_MOTOR_LEFT_REVERSED] != 0.0f;
     tuning->motor_reversed[1] = p[PROTO_PARAMETER_MOTOR_RIGHT_REVERSED] != 0.0f;
     tuning->effort_limit = p[PROTO_PARAMETER_EFFORT_LIMIT];
+    tuning->effort_slew_per_s = p[PROTO_PARAMETER_EFFORT_MODE_SLEW_PER_S];
     tuning->speed_limit_mps = p[PROTO_PARAMETER_SPEED_LIMIT_MPS];
     tuning->encoder_speed_max_mps = p[PROTO_PARAMETER_ENCODER_SPEED_MAX_MPS];
     tuning->command_timeout_ms = (uint32_t)round_to_i32(p[PROTO_PARAMETER_COMMAND_TIMEOUT_S] * 1000.0f);
@@ -60,6 +70,11 @@ void tuning_from_parameters(struct tuning *tuning, const struct parameters *para
     tuning->battery_low_mv = millivolts(p[PROTO_PARAMETER_BATTERY_LOW_V]);
     tuning->battery_recovered_mv =
         millivolts(p[PROTO_PARAMETER_BATTERY_LOW_V] + p[PROTO_PARAMETER_BATTERY_HYSTERESIS_V]);
+    tuning->battery_high_mv = millivolts(p[PROTO_PARAMETER_BATTERY_HIGH_V]);
+
+    tuning->thermal =
+        motor_thermal(p[PROTO_PARAMETER_MOTOR_RESISTANCE_OHM], p[PROTO_PARAMETER_MOTOR_EMF_VS_PER_M],
+                      p[PROTO_PARAMETER_MOTOR_CONTINUOUS_A], p[PROTO_PARAMETER_MOTOR_THERMAL_S]);
 
     tuning->overspeed_mps = p[PROTO_PARAMETER_OVERSPEED_MPS];
     tuning->stall_effort = p[PROTO_PARAMETER_STALL_EFFORT];
@@ -91,6 +106,9 @@ void tuning_from_parameters(struct tuning *tuning, const struct parameters *para
             .accel_limit_mps2 = p[PROTO_PARAMETER_ACCEL_LIMIT_MPS2],
         };
         tuning->gains[wheel] = gains;
+        tuning->watch_kv[wheel] =
+            forward[wheel].kv > reverse[wheel].kv ? forward[wheel].kv : reverse[wheel].kv;
+        tuning->creep_mps[wheel] = creep_mps(tuning->watch_kv[wheel]);
         tuning->watch_ka[wheel] =
             watch_ka(forward[wheel].ka > reverse[wheel].ka ? forward[wheel].ka : reverse[wheel].ka);
     }

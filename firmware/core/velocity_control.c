@@ -13,15 +13,6 @@ static float sign(float value)
     return value < 0.0f ? -1.0f : 0.0f;
 }
 
-/* `from` moved towards `to` by at most `step`; exactly `to` when that is within reach. */
-static float slew(float from, float to, float step)
-{
-    if (to - from > step) {
-        return from + step;
-    }
-    return to - from < -step ? from - step : to;
-}
-
 static float magnitude(float value)
 {
     return value < 0.0f ? -value : value;

@@ -8,6 +8,9 @@ static const float effort_per_e4 = 1e-4f;
 static const int32_t fast_counts = 8;
 /* What a pivot, a slope of 3 degrees or the other wheel can do against a wheel's effort. */
 static const float borne_effort = 0.1f;
+/* A wheel that rolls while it is braked is driven by a force that balances the brake, kv v in effort; half as
+ * much again while it has not reached that speed yet. */
+static const float rolling_share = 1.5f;
 /* Efforts below this do not count as driving. */
 static const float min_effort = 0.05f;
 /* The speed that a wheel may reach against its effort before it is called reversed, m/s. */
@@ -18,6 +21,9 @@ static const float standing_mps = 0.03f;
  * q = yaw inertia / (mass * half wheelbase^2). 0.25 for the paper's robot; this is for a robot of q = 0.43,
  * whose mass sits closer to its middle than that of a full disc (0.5). */
 static const float chassis_share = 0.4f;
+
+/* Efforts that a motor does not bear for long while it stands; large enough for stiff starts below. */
+static const float large_effort = 0.49f;
 
 /* What acts on a wheel. */
 struct wheel_push {
@@ -36,7 +42,7 @@ void wheel_watch_init(struct wheel_watch *watch, int32_t counts)
 
 bool wheel_watch_is_finite(const struct wheel_watch *watch)
 {
-    return is_finite(watch->work + watch->energy + watch->initial_energy);
+    return is_finite(watch->borne + watch->work + watch->energy + watch->initial_energy + watch->creep_m);
 }
 
 static int8_t direction(float value, float deadband)
@@ -77,7 +83,7 @@ static int8_t sudden_end(int32_t recent, int32_t before)
     before = within(before);
     const int32_t speed = before < 0 ? -before : before;
     const int32_t end = before < 0 ? -recent : recent;
-    const bool dense = 5 * end * WHEEL_WATCH_BEFORE_MS >= 3 * speed * WHEEL_WATCH_RECENT_MS;
+    const bool dense = 4 * end * WHEEL_WATCH_BEFORE_MS >= 3 * speed * WHEEL_WATCH_RECENT_MS;
     if (speed < fast_counts || !dense) {
         return 0;
     }
@@ -119,11 +125,53 @@ static void watch_standing(struct wheel_watch *watch, const struct tuning *tunin
     }
     const bool never_started = !watch->moved && watch->standing_ms >= tuning->encoder_start_ms;
     watch->lost = never_started || watch->broken_ms >= WHEEL_WATCH_BROKEN_OFF_MS;
-    watch->stalled = watch->moved && !watch->lost && watch->standing_ms >= tuning->stall_ms;
+    watch->stalled =
+        watch->creeps || (watch->moved && !watch->lost && watch->standing_ms >= tuning->stall_ms);
+}
+
+/* The distance of a span in short steps, whatever its direction: a heavy robot that is reversed rolls on
+ * first, and a count that dithers goes nowhere. */
+static void add_creep_step(struct wheel_watch *watch, int32_t counts)
+{
+    const int32_t moved = within(wrapped_difference(counts, watch->creep_from));
+    watch->creep_counts += moved < 0 ? -moved : moved;
+    watch->creep_from = counts;
+}
+
+/* A wheel that makes counts under a large effort, but a twentieth at most of the speed at which back-EMF
+ * would balance it: its motor takes nearly the current that it takes when it stands. */
+static void watch_creep(struct wheel_watch *watch, const struct tuning *tuning, int wheel, int32_t counts,
+                        float effort)
+{
+    const float large = tuning->stall_effort > large_effort ? tuning->stall_effort : large_effort;
+    const int8_t effort_direction = direction(effort, large);
+    watch->creeps = false;
+    if (effort_direction == 0 || effort_direction != watch->creep_direction || !is_finite(watch->creep_m)) {
+        watch->creep_ms = 0;
+        watch->creep_direction = effort_direction;
+    }
+    if (watch->creep_ms == 0u) {
+        watch->creep_from = counts;
+        watch->creep_counts = 0;
+        watch->creep_m = 0.0f;
+    }
+    if (effort_direction == 0) {
+        return;
+    }
+    watch->creep_ms++;
+    watch->creep_m += 0.001f * (float)effort_direction * effort * tuning->creep_mps[wheel];
+    if (watch->creep_ms % WHEEL_WATCH_CREEP_STEP_MS == 0u) {
+        add_creep_step(watch, counts);
+    }
+    if (watch->creep_ms >= WHEEL_WATCH_CREEP_MS) {
+        watch->creeps = (float)watch->creep_counts * tuning->metres_per_count < watch->creep_m;
+        watch->creep_ms = 0;
+    }
 }
 
 /* The effort has taken a direction: notes the kinetic energy of the motion against it. */
-static void begin_push(struct wheel_watch *watch, int8_t effort_direction, float window_mps, float known_mps)
+static void begin_push(struct wheel_watch *watch, int8_t effort_direction, float window_mps, float known_mps,
+                       float kv)
 {
     const float seen = -(float)effort_direction * window_mps;
     const float known = -(float)effort_direction * known_mps;
@@ -132,6 +180,7 @@ static void begin_push(struct wheel_watch *watch, int8_t effort_direction, float
     watch->work = 0.0f;
     watch->against = 0;
     watch->initial_energy = speed_mps > 0.0f ? 1.5f * speed_mps * speed_mps : 0.0f;
+    watch->borne = borne_effort + (speed_mps > 0.0f ? rolling_share * kv * speed_mps : 0.0f);
     watch->from_rest = speed_mps < standing_mps;
     watch->energy = free_speed_mps * free_speed_mps + watch->initial_energy;
 }
@@ -162,14 +211,15 @@ static void watch_direction(struct wheel_watch *watch, const struct tuning *tuni
     const float along_mps = (float)effort_direction * speed_mps;
     const int32_t along = (int32_t)effort_direction * within(moved);
     if (effort_direction != watch->effort_direction || !wheel_watch_is_finite(watch)) {
-        begin_push(watch, effort_direction, speed_mps, push->speed_mps);
+        begin_push(watch, effort_direction, speed_mps, push->speed_mps, tuning->watch_kv[wheel]);
     } else if (along_mps > 0.0f && along > 0) {
         watch->work = 0.0f;
         watch->against = 0;
         watch->energy = free_speed_mps * free_speed_mps;
+        watch->borne = borne_effort;
         watch->from_rest = false;
     }
-    const float surplus = (float)effort_direction * push->effort - borne_effort;
+    const float surplus = (float)effort_direction * push->effort - watch->borne;
     const float other = push->other_effort < 0.0f ? -push->other_effort : push->other_effort;
     if (surplus < chassis_share * other) {
         watch->from_rest = false;
@@ -199,6 +249,7 @@ void wheel_watch_step(struct wheel_watch *watch, const struct tuning *tuning, in
     const int32_t oldest = watch->history[watch->next];
     const int32_t between = history_ago(watch, WHEEL_WATCH_RECENT_MS);
 
+    watch_creep(watch, tuning, wheel, counts, push.effort);
     watch_standing(watch, tuning, counts, wrapped_difference(counts, between),
                    wrapped_difference(between, oldest), push.effort);
     watch_direction(watch, tuning, wheel, wrapped_difference(counts, last),

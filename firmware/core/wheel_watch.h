@@ -32,9 +32,16 @@ struct wheel_watch {
     int8_t effort_direction; /* direction of the effort that `work` refers to */
     bool from_rest;          /* the wheel stood when that effort began, and has not moved along it since */
     int32_t against;         /* counts against that effort since it began, or since the last along it */
+    float borne;             /* effort that other forces on the wheel may balance */
     float work;              /* done against the motion, as the square of the speed it takes away, (m/s)^2 */
     float initial_energy;    /* kinetic energy against the effort when it began, in the same unit */
     float energy;            /* that, and the work that other forces on the wheel may do */
+    uint16_t creep_ms;       /* of the span under a large effort that is under way */
+    int8_t creep_direction;  /* of that effort */
+    int32_t creep_from;      /* counts at the last of its steps */
+    int32_t creep_counts;    /* its distance */
+    float creep_m;           /* a wheel that goes no further in this span creeps */
+    bool creeps;             /* the span that has just ended was one of creeping */
     bool lost, stalled, reversed;
 };
 

@@ -14,6 +14,10 @@ enum {
     /* A wheel that is held: a bump may hold it briefly, and a motor withstands its stall current for
      * seconds. */
     WHEEL_WATCH_STALL_MS = 400,
+    /* A wheel that hardly turns under a large effort. A robot with a time constant of 5 s goes a twentieth of
+     * its speed's distance in this time also when it is reversed meanwhile. */
+    WHEEL_WATCH_CREEP_MS = 1000,
+    WHEEL_WATCH_CREEP_STEP_MS = 125,
 };
 
 #endif

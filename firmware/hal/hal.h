@@ -18,6 +18,7 @@ struct hal_sample {
     int32_t edge_from[HAL_WHEELS];
     uint16_t battery_mv; /* supply of the bridges, at the terminals, last finished conversion */
     bool battery_valid;  /* a conversion finished within the last 100 ms */
+    bool supply_dip; /* the board's own supply is low, or was since the sample before: it brakes by itself */
     bool emergency_stop; /* the wired stop is open, or was: the bridges brake whatever hal_drive says */
 };
 
@@ -29,6 +30,7 @@ struct hal_identity {
     bool memory_kept;     /* memory that resets leave alone was intact at start-up */
     bool program_fault;   /* the start followed a fault of the program, see hal_fault_record */
     bool was_moving;      /* memory was kept, and holds what hal_note_moving was last given: true */
+    bool brown_out_reset; /* a sag of the board's own supply resets it before it errs */
     bool clock_fallback;  /* the crystal or the PLL failed: timing has the accuracy of the RC oscillator */
 };
 
@@ -65,8 +67,9 @@ bool hal_release_emergency_stop(void);
 /* Takes up to `capacity` received bytes out of the link; returns how many. */
 size_t hal_link_read(uint8_t *out, size_t capacity);
 
-/* The same bytes once more, for the tick: those received since its last peek. They stay to be read. */
-size_t hal_link_peek(uint8_t *out, size_t capacity);
+/* The same bytes once more, for the tick, where they lie: those received since its last peek, or their first
+ * part; returns how many, 0 once it has seen all. They stay to be read. */
+size_t hal_link_peek(const uint8_t **bytes);
 
 /* Queues bytes for sending; returns how many were taken (all or the part that fits). */
 size_t hal_link_write(const uint8_t *data, size_t length);

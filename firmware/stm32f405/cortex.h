@@ -6,11 +6,11 @@
 
 /* The chip keeps the upper four bits of a priority byte; a smaller number preempts a larger one.
  *
- * The serial port stands above the control tick. It has no FIFO: at 921600 baud a byte must be fetched within
- * 10.8 us of its end or the next one overruns it, and a tick takes longer than that. The tick can wait: its
- * interrupts cost it well under a microsecond each, and its inputs are latched by hardware counters.
- * Both share no data but the transmit ring (usart_link.c). Encoder edges stand above both: they are dated
- * when their interrupt begins, and take half a microsecond, twice a tick at most. Faults preempt all. */
+ * The serial port's interrupts (an idle line, a run that has left) are short and stand above the control
+ * tick, so that a tick leaves no gap on the line. Where there is no DMA they come for each byte, which the
+ * next one overruns 10.8 us later at 921600 baud. Edges of the encoders stand above both: they are dated when
+ * their interrupt begins, and take half a microsecond, twice a tick at most. Faults preempt all. */
+#define PRIORITY_SUPPLY 0x10u
 #define PRIORITY_EDGE   0x20u
 #define PRIORITY_USART3 0x40u
 #define PRIORITY_TICK   0x80u

@@ -130,7 +130,7 @@ static void count(void)
 
 void encoders_update(void)
 {
-    EXTI->imr = 0;
+    EXTI->imr &= ~(LEFT_LINES | RIGHT_LINES);
     cpu_barrier(); /* no stamp is taken beyond this point */
     for (uint32_t wheel = 0; wheel < HAL_WHEELS; wheel++) {
         dated[wheel] = stamps[wheel].taken && !unclear[wheel];
@@ -142,7 +142,7 @@ void encoders_update(void)
     read_us = TIM2->cnt;
     watched_us = read_us;
     EXTI->pr = LEFT_LINES | RIGHT_LINES; /* ones clear */
-    EXTI->imr = LEFT_LINES | RIGHT_LINES;
+    EXTI->imr |= LEFT_LINES | RIGHT_LINES;
 }
 
 void encoders_settle(void)

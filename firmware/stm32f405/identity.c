@@ -6,6 +6,7 @@
 #include "fault.h"
 #include "hal.h"
 #include "registers.h"
+#include "supply.h"
 
 /* Boots since power-up, kept through resets; a power cycle leaves noise, which the magic number
  * distinguishes. */
@@ -56,6 +57,7 @@ void identity_start(const struct clock *clock)
     identity.was_moving = memory_kept && boots.moving == MOVING_MAGIC;
     boots.moving = 0;
     identity.program_fault = fault_take_notice();
+    identity.brown_out_reset = supply_resets_in_time();
     for (uint32_t i = 0; i < sizeof identity.board_id; i += 4u) {
         uint32_t word = 0;
         if (guarded_read(UID_ADDRESS + i, &word)) {

@@ -14,6 +14,7 @@
 #include "motors.h"
 #include "pins.h"
 #include "registers.h"
+#include "supply.h"
 #include "usart_link.h"
 #include "watchdog.h"
 
@@ -62,10 +63,11 @@ void SysTick_Handler(void)
     encoders_update();
     battery_update();
     controller_tick(&controller);
-    usart_link_pump();
+    usart_link_tick();
     bxcan_tick();
     blink();
     encoders_settle();
+    supply_settle();
     const bool overran = tick_overran();
     record_cost(overran);
     if (overran) {
@@ -78,6 +80,7 @@ void hal_sense(struct hal_sample *out)
 {
     encoders_read(out);
     out->emergency_stop = motors_emergency_stop();
+    out->supply_dip = supply_dipped();
     out->battery_valid = battery_read(&out->battery_mv);
 }
 
@@ -102,7 +105,8 @@ void hal_critical_exit(uint32_t state)
 
 static void start_peripheral_clocks(void)
 {
-    RCC->ahb1enr |= RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOB | RCC_AHB1ENR_GPIOC | RCC_AHB1ENR_CCM;
+    RCC->ahb1enr |=
+        RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOB | RCC_AHB1ENR_GPIOC | RCC_AHB1ENR_CCM | RCC_AHB1ENR_DMA1;
     RCC->ahb2enr |= RCC_AHB2ENR_RNG;
     RCC->apb1enr |=
         RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM3 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_USART3 | RCC_APB1ENR_CAN1;
@@ -129,6 +133,7 @@ int main(void)
     motors_start(clock.timer_apb2_hz);
     encoders_start(clock.timer_apb1_hz);
     battery_start();
+    supply_start();
     pin_to_output(GPIOC, LED_PIN);
     led_half_period_ms = clock.source == CLOCK_CRYSTAL_PLL ? LED_MS : LED_FALLBACK_MS;
     identity_start(&clock);

@@ -108,6 +108,7 @@ _Static_assert(sizeof(struct rcc) == 0x78, "RCC_CSR lies at 0x74");
 #define RCC_AHB1ENR_GPIOB   (1u << 1)
 #define RCC_AHB1ENR_GPIOC   (1u << 2)
 #define RCC_AHB1ENR_CCM     (1u << 20)
+#define RCC_AHB1ENR_DMA1    (1u << 21)
 #define RCC_AHB2ENR_RNG     (1u << 6)
 #define RCC_APB1ENR_TIM2    (1u << 0)
 #define RCC_APB1ENR_TIM3    (1u << 1)
@@ -121,30 +122,37 @@ _Static_assert(sizeof(struct rcc) == 0x78, "RCC_CSR lies at 0x74");
 #define RCC_CSR_RMVF        (1u << 24)
 
 /* Power control, section 5.4.1. The F405 has one scale bit and no over-drive. */
-#define PWR_CR     (*(reg32 *)0x40007000u)
-#define PWR_CR_VOS (1u << 14)
+#define PWR_CR            (*(reg32 *)0x40007000u)
+#define PWR_CR_VOS        (1u << 14)
+#define PWR_CR_PVDE       (1u << 4)
+#define PWR_CR_PLS(level) ((level) << 5)
+#define PWR_CSR           (*(reg32 *)0x40007004u)
+#define PWR_CSR_PVDO      (1u << 2)
 
 /* Flash interface, section 3.9. */
-#define FLASH_ACR              (*(reg32 *)0x40023C00u)
-#define FLASH_ACR_LATENCY(ws)  ((uint32_t)(ws))
-#define FLASH_ACR_LATENCY_MASK 7u
-#define FLASH_ACR_PRFTEN       (1u << 8)
-#define FLASH_ACR_ICEN         (1u << 9)
-#define FLASH_ACR_DCEN         (1u << 10)
-#define FLASH_ACR_DCRST        (1u << 12)
-#define FLASH_KEYR             (*(reg32 *)0x40023C04u)
-#define FLASH_SR               (*(reg32 *)0x40023C0Cu)
-#define FLASH_CR               (*(reg32 *)0x40023C10u)
-#define FLASH_KEY1             0x45670123u
-#define FLASH_KEY2             0xCDEF89ABu
-#define FLASH_SR_ERRORS        0x000000F2u /* PGSERR, PGPERR, PGAERR, WRPERR, OPERR; cleared by writing ones */
-#define FLASH_SR_BSY           (1u << 16)
-#define FLASH_CR_PG            (1u << 0)
-#define FLASH_CR_SER           (1u << 1)
-#define FLASH_CR_SNB(sector)   ((uint32_t)(sector) << 3)
-#define FLASH_CR_PSIZE_32      (2u << 8) /* 32 bits at a time, at 2.7 to 3.6 V */
-#define FLASH_CR_STRT          (1u << 16)
-#define FLASH_CR_LOCK          (1u << 31)
+#define FLASH_ACR               (*(reg32 *)0x40023C00u)
+#define FLASH_ACR_LATENCY(ws)   ((uint32_t)(ws))
+#define FLASH_ACR_LATENCY_MASK  7u
+#define FLASH_ACR_PRFTEN        (1u << 8)
+#define FLASH_ACR_ICEN          (1u << 9)
+#define FLASH_ACR_DCEN          (1u << 10)
+#define FLASH_ACR_DCRST         (1u << 12)
+#define FLASH_KEYR              (*(reg32 *)0x40023C04u)
+#define FLASH_SR                (*(reg32 *)0x40023C0Cu)
+#define FLASH_CR                (*(reg32 *)0x40023C10u)
+#define FLASH_OPTCR             (*(reg32 *)0x40023C14u)
+#define FLASH_OPTCR_BOR_LEV     (3u << 2)
+#define FLASH_OPTCR_BOR_LEVEL_3 (0u << 2)
+#define FLASH_KEY1              0x45670123u
+#define FLASH_KEY2              0xCDEF89ABu
+#define FLASH_SR_ERRORS         0x000000F2u /* PGSERR, PGPERR, PGAERR, WRPERR, OPERR; cleared by writing ones */
+#define FLASH_SR_BSY            (1u << 16)
+#define FLASH_CR_PG             (1u << 0)
+#define FLASH_CR_SER            (1u << 1)
+#define FLASH_CR_SNB(sector)    ((uint32_t)(sector) << 3)
+#define FLASH_CR_PSIZE_32       (2u << 8) /* 32 bits at a time, at 2.7 to 3.6 V */
+#define FLASH_CR_STRT           (1u << 16)
+#define FLASH_CR_LOCK           (1u << 31)
 
 /* Core-coupled memory, section 2.3.1. Other parts of the family have none. */
 #define CCM_ADDRESS 0x10000000u
@@ -193,6 +201,7 @@ struct exti {
     reg32 pr;
 };
 #define EXTI        ((struct exti *)0x40013C00u)
+#define IRQ_PVD     1u
 #define IRQ_EXTI4   10u /* section 12.2, table 62 */
 #define IRQ_EXTI9_5 23u
 
@@ -252,10 +261,39 @@ struct usart {
 #define USART_SR_TXE     (1u << 7)
 #define USART_CR1_RE     (1u << 2)
 #define USART_CR1_TE     (1u << 3)
+#define USART_CR1_IDLEIE (1u << 4)
 #define USART_CR1_RXNEIE (1u << 5)
 #define USART_CR1_TXEIE  (1u << 7)
 #define USART_CR1_UE     (1u << 13)
+#define USART_CR3_DMAR   (1u << 6)
+#define USART_CR3_DMAT   (1u << 7)
 #define IRQ_USART3       39u /* section 12.2, table 61 */
+
+/* Direct memory access, section 10.5. */
+struct dma_stream {
+    reg32 cr;
+    reg32 ndtr;
+    reg32 par;
+    reg32 m0ar;
+    reg32 m1ar;
+    reg32 fcr;
+};
+struct dma {
+    reg32 lisr;
+    reg32 hisr;
+    reg32 lifcr;
+    reg32 hifcr;
+    struct dma_stream stream[8];
+};
+#define DMA1                 ((struct dma *)0x40026000u)
+#define DMA_CR_EN            (1u << 0)
+#define DMA_CR_TCIE          (1u << 4)
+#define DMA_CR_TO_PERIPHERAL (1u << 6)
+#define DMA_CR_CIRC          (1u << 8)
+#define DMA_CR_MINC          (1u << 10)
+#define DMA_CR_CHANNEL(c)    ((c) << 25)
+#define DMA_LIFCR_STREAM3    (0x3Du << 22)
+#define IRQ_DMA1_STREAM3     14u
 
 /* Analogue-to-digital converter, section 13.13. */
 struct adc {

@@ -2,14 +2,15 @@
  *
  * Code is fetched from the same flash, so that the bus holds it up until an operation is over (RM0090 section
  * 3.6): 16 us, at most 100 us, for a word, and 0.25 s, at most 0.5 s, for a sector (datasheet DocID022152,
- * section 5.3.12). What runs on is hardware: the bridges brake, encoders are counted. Bytes from the host are
- * lost. */
+ * section 5.3.12). What runs on is hardware: the bridges brake, encoders are counted. Requests of the
+ * host are lost. */
 #include <string.h>
 
 #include "cortex.h"
 #include "hal.h"
 #include "motors.h"
 #include "registers.h"
+#include "usart_link.h"
 #include "watchdog.h"
 
 enum { FIRST_SECTOR = 1 };
@@ -88,6 +89,7 @@ bool hal_store_erase(uint32_t slot, uint32_t *missed_ticks)
     cpu_barrier();
     const bool good = finish();
     *missed_ticks = drop_ticks(since, began);
+    usart_link_forget();
     hal_critical_exit(state);
     watchdog_shorten();
     motors_go();

@@ -1,8 +1,9 @@
-/* Moves bytes between USART3 and two rings, by interrupt; the tick feeds the transmitter as well.
+/* Moves bytes between USART3 and two rings by DMA: reception goes round its ring for ever, transmission
+ * leaves in runs. Where the DMA does not start (QEMU has none), each byte interrupts, and the tick feeds the
+ * transmitter too.
  *
- * Each ring has one writer and one reader: the interrupt and the main loop. Indices run freely and are masked
- * on access, so that full and empty differ. The transmit ring has a second reader, the tick, which masks the
- * interrupt for the few instructions that it takes. */
+ * Each ring has one writer and one reader: the port and the main loop. Indices run freely and are masked on
+ * access, so that full and empty differ. The tick reads the received bytes a second time. */
 #include "usart_link.h"
 
 #include <string.h>
@@ -16,54 +17,90 @@
 /* Powers of two. The largest frame is 1041 bytes on the wire: three of them fit either way. */
 enum { RX_SIZE = 4096, TX_SIZE = 4096, PIN_FUNCTION_USART3 = 7 };
 
-/* The main loop is called for a whole frame, not for each byte: waking would cost more than reading. Bytes
- * without a frame end (noise, a frame under way) are fetched by the poll that follows each tick. */
+/* Room in the ring comes back when a run has left: a quarter of the ring keeps the line busy and the writer
+ * fed. */
+enum { TX_RUN = TX_SIZE / 4 };
+
+/* Without DMA the main loop is called for a whole frame, not for each byte: waking would cost more than
+ * reading. Bytes without a frame end (noise, a frame under way) are fetched by the poll that follows each
+ * tick. */
 enum { FRAME_END = 0, RX_CALL = RX_SIZE / 2 };
 
 /* The real port takes two bytes at most; this bounds the tick where a port is always ready. */
 enum { PUMP_LIMIT = 16 };
 
-#define CR1_IDLE (USART_CR1_UE | USART_CR1_TE | USART_CR1_RE | USART_CR1_RXNEIE)
+#define CR1_ON    (USART_CR1_UE | USART_CR1_TE | USART_CR1_RE)
+#define CR1_BYTES (CR1_ON | USART_CR1_RXNEIE) /* without DMA, and nothing to send */
+
+/* DMA1, RM0090 table 42. */
+enum { RX_STREAM = 1, TX_STREAM = 3 };
+#define STREAM_CR (DMA_CR_CHANNEL(4u) | DMA_CR_MINC) /* bytes, direct mode */
 
 volatile struct usart_link_errors usart_link_errors;
 
 static uint8_t rx_ring[RX_SIZE];
 static uint8_t tx_ring[TX_SIZE];
-static volatile bool rx_call;     /* set by the interrupt, taken by the main loop */
-static volatile uint32_t rx_head; /* written by the interrupt */
+static bool by_dma;           /* constant after start */
+static volatile bool rx_call; /* set by the interrupt, taken by the main loop */
+static volatile uint32_t
+    rx_head; /* written by the tick, from the stream's counter; without DMA by the interrupt */
 static volatile uint32_t rx_tail; /* written by the main loop */
 static uint32_t rx_peeked;        /* the tick's own */
 static volatile uint32_t tx_head; /* written by the main loop */
-static volatile uint32_t tx_tail; /* written by the interrupt or the tick */
+static volatile uint32_t tx_tail; /* written by the interrupt, without DMA by the tick as well */
+static volatile uint32_t tx_run;  /* bytes that the stream sends now; while 0, the main loop may start it */
+
+/* The fields of a stream may be written only while it is off (RM0090 section 10.3.17), as reset leaves it. */
+static bool start_reception(void)
+{
+    struct dma_stream *const rx = &DMA1->stream[RX_STREAM];
+    rx->par = (uintptr_t)&USART3->dr;
+    rx->m0ar = (uintptr_t)rx_ring;
+    rx->ndtr = RX_SIZE;
+    rx->cr = STREAM_CR | DMA_CR_CIRC;
+    rx->cr = STREAM_CR | DMA_CR_CIRC | DMA_CR_EN;
+    return (rx->cr & DMA_CR_EN) != 0;
+}
 
 void usart_link_start(uint32_t bus_hz)
 {
     pin_to_peripheral(GPIOB, 10, PIN_FUNCTION_USART3, PULL_UP);
     pin_to_peripheral(GPIOB, 11, PIN_FUNCTION_USART3, PULL_UP); /* an open line idles */
     USART3->cr1 = 0;
-    USART3->cr2 = 0; /* one stop bit */
-    USART3->cr3 = 0;
+    USART3->cr2 = 0;                                     /* one stop bit */
     USART3->brr = (bus_hz + LINK_BAUD / 2u) / LINK_BAUD; /* sixteenfold oversampling, RM0090 section 30.3.4 */
-    USART3->cr1 = CR1_IDLE;
+    by_dma = start_reception();
+    if (by_dma) {
+        DMA1->stream[TX_STREAM].par = (uintptr_t)&USART3->dr;
+        NVIC_IPR(IRQ_DMA1_STREAM3) = PRIORITY_USART3;
+        NVIC_ISER(IRQ_DMA1_STREAM3 / 32u) = 1u << (IRQ_DMA1_STREAM3 % 32u);
+    }
+    USART3->cr3 = by_dma ? USART_CR3_DMAR | USART_CR3_DMAT : 0;
+    USART3->cr1 = by_dma ? CR1_ON | USART_CR1_IDLEIE : CR1_BYTES;
     NVIC_IPR(IRQ_USART3) = PRIORITY_USART3;
     NVIC_ISER(IRQ_USART3 / 32u) = 1u << (IRQ_USART3 % 32u);
 }
 
+static void note_errors(uint32_t status)
+{
+    usart_link_errors.overruns += (status & USART_SR_ORE) != 0 ? 1u : 0u;
+    usart_link_errors.framing += (status & USART_SR_FE) != 0 ? 1u : 0u;
+    usart_link_errors.noise += (status & USART_SR_NE) != 0 ? 1u : 0u;
+}
+
+static void call_main_loop(void)
+{
+    rx_call = true;
+    idle_end();
+}
+
+/* Without DMA: one byte. */
 static void receive(uint32_t status)
 {
     const uint8_t byte = (uint8_t)USART3->dr; /* also clears the error flags of `status` */
-    if ((status & USART_SR_ORE) != 0) {
-        usart_link_errors.overruns++;
-    }
-    if ((status & USART_SR_RXNE) == 0) {
+    note_errors(status);
+    if ((status & USART_SR_RXNE) == 0 || (status & USART_SR_FE) != 0) {
         return;
-    }
-    if ((status & USART_SR_FE) != 0) {
-        usart_link_errors.framing++;
-        return;
-    }
-    if ((status & USART_SR_NE) != 0) {
-        usart_link_errors.noise++;
     }
     const uint32_t head = rx_head;
     if (head - rx_tail == RX_SIZE) {
@@ -74,12 +111,11 @@ static void receive(uint32_t status)
     compiler_barrier();
     rx_head = head + 1u;
     if (byte == FRAME_END || head - rx_tail >= RX_CALL) {
-        rx_call = true;
-        idle_end();
+        call_main_loop();
     }
 }
 
-/* Sends up to `limit` bytes while the port takes them. The caller excludes the other feeder. */
+/* Without DMA: sends up to `limit` bytes while the port takes them. The caller excludes the other feeder. */
 static void transmit(uint32_t limit)
 {
     uint32_t tail = tx_tail;
@@ -89,13 +125,29 @@ static void transmit(uint32_t limit)
     }
     tx_tail = tail;
     if (tail == tx_head) {
-        USART3->cr1 = CR1_IDLE;
+        USART3->cr1 = CR1_BYTES;
     }
 }
 
+/* With DMA: its flags go by reading SR, then DR (RM0090 section 30.6.1). A byte that waits there is the
+ * stream's, whose own read completes the sequence. */
+static void clear_status(uint32_t status)
+{
+    note_errors(status);
+    if ((status & USART_SR_RXNE) == 0) {
+        (void)USART3->dr;
+    }
+}
+
+/* With DMA: the line has been idle for a byte's time; whole frames may wait. */
 void USART3_Handler(void)
 {
     const uint32_t status = USART3->sr;
+    if (by_dma) {
+        clear_status(status);
+        call_main_loop();
+        return;
+    }
     if ((status & (USART_SR_RXNE | USART_SR_ORE)) != 0) {
         receive(status);
     }
@@ -104,14 +156,45 @@ void USART3_Handler(void)
     }
 }
 
-void usart_link_pump(void)
+/* Gives the stream what waits, up to the end of the ring. For the owner of the stream: its interrupt, or the
+ * main loop while no run is under way. */
+static void start_run(void)
 {
-    if (tx_tail == tx_head) {
-        return;
+    struct dma_stream *const tx = &DMA1->stream[TX_STREAM];
+    const uint32_t at = tx_tail % TX_SIZE;
+    uint32_t run = tx_head - tx_tail;
+    run = run < TX_RUN ? run : TX_RUN;
+    run = run < TX_SIZE - at ? run : TX_SIZE - at;
+    tx_run = run;
+    if (run > 0) {
+        tx->m0ar = (uintptr_t)(tx_ring + at);
+        tx->ndtr = run;
+        cpu_barrier(); /* the ring's bytes are in memory before the stream reads them */
+        tx->cr = STREAM_CR | DMA_CR_TO_PERIPHERAL | DMA_CR_TCIE | DMA_CR_EN;
     }
-    cpu_interrupts_off();
-    transmit(PUMP_LIMIT);
-    cpu_interrupts_on();
+}
+
+void DMA1_Stream3_Handler(void)
+{
+    DMA1->lifcr = DMA_LIFCR_STREAM3; /* a stream does not start with a flag left (RM0090 section 10.3.17) */
+    tx_tail = tx_tail + tx_run;
+    start_run();
+}
+
+void usart_link_tick(void)
+{
+    if (by_dma) {
+        const uint32_t status = USART3->sr;
+        if ((status & (USART_SR_ORE | USART_SR_FE | USART_SR_NE)) != 0) {
+            clear_status(status);
+        }
+    } else if (tx_tail != tx_head) {
+        cpu_interrupts_off();
+        transmit(PUMP_LIMIT);
+        cpu_interrupts_on();
+    } else {
+        /* nothing to send */
+    }
 }
 
 bool usart_link_take_call(void)
@@ -121,57 +204,95 @@ bool usart_link_take_call(void)
     return call;
 }
 
+/* Bytes received since start. The stream counts within its ring only; since the tick follows it, no round of
+ * 44 ms goes unnoticed. */
+static uint32_t received(void)
+{
+    const uint32_t head = rx_head;
+    if (!by_dma) {
+        return head;
+    }
+    const uint32_t at = RX_SIZE - DMA1->stream[RX_STREAM].ndtr;
+    return head + ((at - head) % RX_SIZE);
+}
+
+/* How many of the bytes from `index` to `head` lie in the ring without a turn in between. */
+static uint32_t together(uint32_t index, uint32_t head)
+{
+    const uint32_t to_end = RX_SIZE - index % RX_SIZE;
+    return head - index < to_end ? head - index : to_end;
+}
+
+/* What has been overwritten before it was read is discarded with all that waits: no byte is read twice. */
+static bool overwritten(uint32_t tail, uint32_t head)
+{
+    if (head - tail <= RX_SIZE) {
+        return false;
+    }
+    usart_link_errors.ring_overflow++;
+    rx_tail = head;
+    return true;
+}
+
 size_t hal_link_read(uint8_t *out, size_t capacity)
 {
-    uint32_t tail = rx_tail;
-    const uint32_t waiting = rx_head - tail;
-    if (waiting > RX_SIZE) { /* its indices have been overwritten: old requests must not come round again */
-        usart_link_errors.ring_overflow++;
-        rx_tail = tail + waiting;
+    const uint32_t tail = rx_tail;
+    const uint32_t head = received();
+    if (head == tail || overwritten(tail, head)) {
         return 0;
     }
+    const size_t waiting = together(tail, head);
     const size_t count = waiting < capacity ? waiting : capacity;
+    memcpy(out, rx_ring + tail % RX_SIZE, count);
     compiler_barrier();
-    for (size_t i = 0; i < count; i++) {
-        out[i] = rx_ring[tail % RX_SIZE];
-        tail++;
+    if (overwritten(tail, received())) { /* while it was copied */
+        return 0;
     }
-    compiler_barrier();
-    rx_tail = tail;
+    rx_tail = tail + (uint32_t)count;
     return count;
 }
 
-/* For the tick alone, which the receiving interrupt preempts. Bytes that it missed are gone for it, and a
- * frame they were part of is none. */
-size_t hal_link_peek(uint8_t *out, size_t capacity)
+/* For the tick alone. What it has not looked at for a whole round is gone for it. */
+size_t hal_link_peek(const uint8_t **bytes)
 {
-    const uint32_t head = rx_head;
+    const uint32_t head = received();
+    if (by_dma) {
+        rx_head = head;
+    }
     if (head - rx_peeked > RX_SIZE) {
         rx_peeked = head;
     }
-    const uint32_t at = rx_peeked % RX_SIZE;
-    const size_t waiting = head - rx_peeked;
-    const size_t together = waiting < RX_SIZE - at ? waiting : RX_SIZE - at;
-    const size_t count = together < capacity ? together : capacity;
-    memcpy(out, rx_ring + at, count);
-    rx_peeked += (uint32_t)count;
+    const uint32_t count = together(rx_peeked, head);
+    *bytes = rx_ring + rx_peeked % RX_SIZE;
+    rx_peeked += count;
     return count;
+}
+
+void usart_link_forget(void)
+{
+    rx_tail = received();
 }
 
 size_t hal_link_write(const uint8_t *data, size_t length)
 {
-    const size_t room = TX_SIZE - (tx_head - tx_tail);
+    const uint32_t head = tx_head;
+    const size_t room = TX_SIZE - (head - tx_tail);
     const size_t count = length < room ? length : room;
-    uint32_t head = tx_head;
-    for (size_t i = 0; i < count; i++) {
-        tx_ring[head % TX_SIZE] = data[i];
-        head++;
-    }
+    const size_t to_end = TX_SIZE - head % TX_SIZE;
+    const size_t first = count < to_end ? count : to_end;
+    memcpy(tx_ring + head % TX_SIZE, data, first);
+    memcpy(tx_ring, data + first, count - first);
     compiler_barrier();
-    tx_head = head;
-    if (count > 0) {
+    tx_head = head + (uint32_t)count;
+    if (by_dma) {
+        if (tx_run == 0) { /* otherwise the end of the run goes on with these bytes */
+            start_run();
+        }
+    } else if (count > 0) {
         /* After the head: an interrupt in between may have found the ring empty and switched itself off. */
-        USART3->cr1 = CR1_IDLE | USART_CR1_TXEIE;
+        USART3->cr1 = CR1_BYTES | USART_CR1_TXEIE;
+    } else {
+        /* the ring is full: the transmitter is on */
     }
     return count;
 }

@@ -1,4 +1,4 @@
-/* The vector table: eleven vectors are in use, all others lead to a handler that stops the motors. */
+/* The vector table: thirteen vectors are in use, all others lead to a handler that stops the motors. */
 #include <stdint.h>
 
 #include "bxcan.h"
@@ -6,6 +6,7 @@
 #include "fault.h"
 #include "registers.h"
 #include "startup.h"
+#include "supply.h"
 #include "usart_link.h"
 
 /* RM0090 table 61: the F405 has 82 interrupts. */
@@ -47,9 +48,13 @@ __attribute__((section(".vectors"), used)) static const struct vector_table vect
         SysTick_Handler,      /* 15 */
     },
     .interrupt = {
-        [0 ... IRQ_EXTI4 - 1] = unexpected_interrupt,
+        [0 ... IRQ_PVD - 1] = unexpected_interrupt,
+        [IRQ_PVD] = PVD_Handler,
+        [IRQ_PVD + 1 ... IRQ_EXTI4 - 1] = unexpected_interrupt,
         [IRQ_EXTI4] = EXTI4_Handler,
-        [IRQ_EXTI4 + 1 ... IRQ_CAN1_TX - 1] = unexpected_interrupt,
+        [IRQ_EXTI4 + 1 ... IRQ_DMA1_STREAM3 - 1] = unexpected_interrupt,
+        [IRQ_DMA1_STREAM3] = DMA1_Stream3_Handler,
+        [IRQ_DMA1_STREAM3 + 1 ... IRQ_CAN1_TX - 1] = unexpected_interrupt,
         [IRQ_CAN1_TX] = CAN1_TX_Handler,
         [IRQ_CAN1_RX0] = CAN1_RX0_Handler,
         [IRQ_CAN1_RX1] = unexpected_interrupt,

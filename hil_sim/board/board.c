@@ -11,6 +11,10 @@ static const uint32_t cause_flags[] = {[BOARD_RESET_POWER] = 0x0E000000u,
                                        [BOARD_RESET_SOFTWARE] = 0x14000000u,
                                        [BOARD_RESET_WATCHDOG] = 0x24000000u};
 
+static const double nominal_v = 3.3;
+/* RM0090 section 3.9.10, without the lock: no protection, brown-out reset off. */
+enum { FACTORY_OPTIONS = 0x0FFFAAEC };
+
 static void fill_noise(uint8_t *memory, size_t length, uint64_t seed)
 {
     uint64_t state = seed * 0x9E3779B97F4A7C15ULL + 1;
@@ -45,13 +49,15 @@ struct board *board_create(const struct board_options *options)
     b->system = aligned_alloc(4096, SYSTEM_SIZE);
     b->flash_blocks = calloc(FLASH_SIZE / 2, sizeof *b->flash_blocks);
     b->crystal_alive = true;
+    b->supply_v = nominal_v;
+    b->option_bytes = FACTORY_OPTIONS;
     b->flash_cut_after = -1;
     b->cut_at_instruction = NEVER;
-    b->clock.hz = HSI_HZ;
     b->next_event = NEVER;
     for (unsigned i = 0; i < EVENTS; i++) {
         b->events[i].at = NEVER;
     }
+    time_set_hz(b, HSI_HZ);
     bool memory = b->flash_array != NULL && b->flash_before != NULL && b->sram != NULL && b->ccm != NULL &&
                   b->system != NULL && b->flash_blocks != NULL;
     if (!memory || !cpu_open(b)) {
@@ -117,10 +123,14 @@ static void reset_peripherals(struct board *b, enum board_reset cause)
     for (int i = 1; i <= USARTS; i++) {
         usart_reset(b, i);
     }
+    for (int i = 1; i <= DMAS; i++) {
+        dma_reset(b, i);
+    }
     adc_reset(b);
     can_reset(b);
     exti_reset(b);
     b->pwr_cr = 0x4000u;
+    b->supply_low = false;
     b->rng_cr = 0;
     if (cause == BOARD_RESET_POWER) {
         b->halted = false;
@@ -153,22 +163,43 @@ void board_reset(struct board *board, enum board_reset cause)
     cpu_update_break(board);
 }
 
+static void lose_memory(struct board *b)
+{
+    const uint64_t seed = b->options.seed + 1000003u * b->power_cycles++;
+    fill_noise(b->sram, SRAM_SIZE, seed);
+    fill_noise(b->ccm, CCM_SIZE, seed + 7919u);
+    uc_ctl_flush_tb(b->uc);
+}
+
 void board_power(struct board *board, bool on)
 {
+    board->supply_v = on ? nominal_v : 0.0;
+    board->held = false;
     if (on && !board->powered) {
-        board->powered = true;
-        uint64_t seed = board->options.seed + 1000003u * board->power_cycles++;
-        fill_noise(board->sram, SRAM_SIZE, seed);
-        fill_noise(board->ccm, CCM_SIZE, seed + 7919u);
-        uc_ctl_flush_tb(board->uc);
-        board_reset(board, BOARD_RESET_POWER);
+        board_release(board, true, true);
     } else if (!on && board->powered) {
-        reset_peripherals(board, BOARD_RESET_POWER);
-        board->powered = false;
-        board->needs_check = true; /* leave the engine at the next block */
-        pins_update(board);
-        cpu_update_break(board);
+        board_hold(board);
     }
+    board->sram_lost = board->powered_down = false;
+}
+
+/* Reset by the supply, and held there. */
+void board_hold(struct board *b)
+{
+    reset_peripherals(b, BOARD_RESET_BROWNOUT);
+    b->powered = false;
+    b->needs_check = true; /* leave the engine at the next block */
+    pins_update(b);
+    cpu_update_break(b);
+}
+
+void board_release(struct board *b, bool sram_lost, bool powered_down)
+{
+    b->powered = true;
+    if (sram_lost) {
+        lose_memory(b);
+    }
+    board_reset(b, powered_down ? BOARD_RESET_POWER : BOARD_RESET_BROWNOUT);
 }
 
 void board_set_crystal(struct board *board, bool alive)
@@ -225,7 +256,21 @@ void board_run_until(struct board *board, uint64_t time_ps)
     board->target_ps = time_ps;
     board->target = time_to_cycle(board, time_ps);
     cpu_update_break(board);
+    const enum board_phase before = board_enter(board, BOARD_CODE);
     cpu_run(board);
+    board_enter(board, before);
+}
+
+enum board_phase board_phase(const struct board *board)
+{
+    return board->phase;
+}
+
+enum board_phase board_enter(struct board *board, enum board_phase phase)
+{
+    const enum board_phase before = board->phase;
+    board->phase = phase;
+    return before;
 }
 
 bool board_read_memory(const struct board *board, uint32_t address, uint8_t *out, size_t length)

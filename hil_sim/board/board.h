@@ -71,6 +71,13 @@ void board_wire_encoder(struct board *board, int encoder, struct board_pin a, st
 enum board_level { BOARD_OPEN, BOARD_LOW, BOARD_HIGH };
 void board_set_pin(struct board *board, struct board_pin pin, enum board_level level);
 
+/* The chip's supply, 3.3 V while it is on. Below a threshold of the option bytes' the chip is held in reset;
+ * below 1.2 V its SRAM is noise afterwards. */
+void board_set_supply(struct board *board, double volts);
+/* FLASH_OPTCR as it is loaded at a reset; as a programmer would set it. Factory: 0x0FFFAAEC. */
+void board_set_option_bytes(struct board *board, uint32_t option_bytes);
+uint32_t board_option_bytes(const struct board *board);
+
 /* Supply and reset button. */
 void board_power(struct board *board, bool on);
 void board_reset(struct board *board, enum board_reset cause);
@@ -159,6 +166,12 @@ struct board_stats {
     bool powered;
 };
 void board_stats(const struct board *board, struct board_stats *out);
+
+/* What the process is busy with in board_run_until, for a profiler that asks from another thread. */
+enum board_phase { BOARD_OUTSIDE, BOARD_CODE, BOARD_INTERRUPTS, BOARD_PERIPHERALS, BOARD_PLANT };
+enum board_phase board_phase(const struct board *board);
+/* A callback tells what it does; returns the phase before, to go back to. */
+enum board_phase board_enter(struct board *board, enum board_phase phase);
 
 /* Warnings so far: registers not modelled, peripherals without clock, pins not routed. One line each, NULL
  * past the end; `hits` counts the occurrences. */

@@ -7,7 +7,7 @@
 
 enum { AHB1, AHB2, AHB3, APB1, APB2, ALWAYS }; /* index into rcc.enr */
 
-enum kind { GPIO, TIMER, USART, ADC, RCC, FLASH, PWR, IWDG, SYSCFG, EXTI, CAN };
+enum kind { GPIO, TIMER, USART, ADC, RCC, FLASH, PWR, IWDG, SYSCFG, EXTI, CAN, DMA };
 
 struct peripheral {
     const char *name;
@@ -34,6 +34,7 @@ static const struct peripheral peripherals[] = {
     {"GPIOF", 0x40021400, GPIO, 5, AHB1, 5},     {"GPIOG", 0x40021800, GPIO, 6, AHB1, 6},
     {"GPIOH", 0x40021C00, GPIO, 7, AHB1, 7},     {"GPIOI", 0x40022000, GPIO, 8, AHB1, 8},
     {"RCC", 0x40023800, RCC, 0, ALWAYS, 0},      {"FLASH", 0x40023C00, FLASH, 0, ALWAYS, 0},
+    {"DMA1", 0x40026000, DMA, 1, AHB1, 21},      {"DMA2", 0x40026400, DMA, 2, AHB1, 22},
 };
 enum { PERIPHERALS = sizeof peripherals / sizeof peripherals[0], ACCESS_CYCLES = 2 };
 
@@ -105,6 +106,9 @@ static void reset_one(struct board *b, const struct peripheral *p)
     case CAN:
         can_reset(b);
         break;
+    case DMA:
+        dma_reset(b, p->number);
+        break;
     default:
         break;
     }
@@ -134,6 +138,8 @@ static bool access_peripheral(struct board *b, const struct peripheral *p, uint3
         return adc_access(b, offset, write, value);
     case CAN:
         return can_access(b, offset, write, value);
+    case DMA:
+        return dma_access(b, p->number, offset, write, value);
     case RCC:
         return rcc_access(b, offset, write, value);
     case FLASH:
@@ -268,35 +274,58 @@ static void write_any(struct board *b, uint32_t address, uint32_t value, unsigne
     access_word(b, address - lane, true, &value, size);
 }
 
+/* A register, accessed by a master besides the CPU at the present moment. */
+void bus_master_access(struct board *b, uint32_t address, bool write, uint32_t *value, unsigned size)
+{
+    const uint32_t shift = 8 * (address & 3u);
+    uint32_t word = write ? *value << shift : 0;
+    access_word(b, address & ~3u, write, &word, size);
+    if (!write) {
+        *value = word >> shift;
+    }
+}
+
+static uint32_t cpu_read(struct board *b, uint32_t address, unsigned size)
+{
+    uint32_t target;
+    uint32_t bit;
+    if (bit_band(address, &target, &bit)) {
+        return read_any(b, target, 4) >> bit & 1u;
+    }
+    return read_any(b, address, size);
+}
+
+static void cpu_write(struct board *b, uint32_t address, unsigned size, uint32_t value)
+{
+    uint32_t target;
+    uint32_t bit;
+    if (bit_band(address, &target, &bit)) {
+        uint32_t word = read_any(b, target, 4);
+        write_any(b, target, (word & ~(1u << bit)) | (value & 1u) << bit, 4);
+        return;
+    }
+    write_any(b, address, value, size);
+}
+
 uint64_t bus_read(uc_engine *uc, uint64_t offset, unsigned size, void *region)
 {
     const struct region_of *r = region;
     (void)uc;
+    const enum board_phase before = board_enter(r->board, BOARD_PERIPHERALS);
     tick(r->board);
-    uint32_t address = r->base + (uint32_t)offset;
-    uint32_t target;
-    uint32_t bit;
-    if (bit_band(address, &target, &bit)) {
-        return read_any(r->board, target, 4) >> bit & 1u;
-    }
-    return read_any(r->board, address, size);
+    const uint32_t value = cpu_read(r->board, r->base + (uint32_t)offset, size);
+    board_enter(r->board, before);
+    return value;
 }
 
 void bus_write(uc_engine *uc, uint64_t offset, unsigned size, uint64_t value, void *region)
 {
     const struct region_of *r = region;
     (void)uc;
+    const enum board_phase before = board_enter(r->board, BOARD_PERIPHERALS);
     tick(r->board);
-    uint32_t address = r->base + (uint32_t)offset;
-    uint32_t target;
-    uint32_t bit;
-    if (bit_band(address, &target, &bit)) {
-        uint32_t word = read_any(r->board, target, 4);
-        word = (word & ~(1u << bit)) | ((uint32_t)value & 1u) << bit;
-        write_any(r->board, target, word, 4);
-        return;
-    }
-    write_any(r->board, address, (uint32_t)value, size);
+    cpu_write(r->board, r->base + (uint32_t)offset, size, (uint32_t)value);
+    board_enter(r->board, before);
 }
 
 bool bus_map(struct board *b)

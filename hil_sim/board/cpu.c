@@ -6,10 +6,14 @@
 #include <string.h>
 
 #define OPCODE_WFI 0xBF30u
-#define NO_END     0xFFFFFFFEu /* an address that code never reaches */
+#define NO_END     0xFFFFFFFEu /* what an erased vector holds; code cannot run there */
+/* The engine jumps to EXC_RETURN values as to any address: a page is mapped there, so that its block hook
+ * sees them. */
+#define RETURN_PAGE  0xFFFFF000u
+#define RETURN_FIRST 0xFFFFFFE0u
 
-/* Interrupt numbers of Unicorn's ARM, as observed with 2.1.4. */
-enum { TRAP_SVC = 2, TRAP_PREFETCH_ABORT = 3, TRAP_BREAKPOINT = 7, TRAP_EXCEPTION_RETURN = 8 };
+/* Interrupt numbers of Unicorn's ARM, as observed with 2.1.4; the last one is this file's own. */
+enum { TRAP_SVC = 2, TRAP_PREFETCH_ABORT = 3, TRAP_BREAKPOINT = 7, TRAP_EXCEPTION_RETURN = 1000 };
 
 uint32_t cpu_get(struct board *b, int reg)
 {
@@ -146,8 +150,16 @@ static void on_block(uc_engine *uc, uint64_t address, uint32_t size, void *user)
     struct board *b = user;
     finish_block(b);
     b->block_pc = (uint32_t)address;
-    if (b->it_left == 0 && b->now >= b->break_at && must_leave(b)) {
-        b->at_block = true;
+    if (b->it_left == 0 && b->now >= b->break_at) {
+        events_run(b, b->now);
+        if (must_leave(b)) {
+            b->at_block = true;
+            uc_emu_stop(uc);
+            return;
+        }
+    }
+    if (address >= RETURN_PAGE) {
+        b->trap = TRAP_EXCEPTION_RETURN;
         uc_emu_stop(uc);
         return;
     }
@@ -238,7 +250,7 @@ static bool add_fault_hooks(struct board *b)
 
 bool cpu_open(struct board *b)
 {
-    if (uc_open(UC_ARCH_ARM, (uc_mode)(UC_MODE_THUMB | UC_MODE_MCLASS), &b->uc) != UC_ERR_OK) {
+    if (uc_open(UC_ARCH_ARM, UC_MODE_THUMB, &b->uc) != UC_ERR_OK) {
         return false;
     }
     bool good = uc_ctl_set_cpu_model(b->uc, UC_CPU_ARM_CORTEX_M4) == UC_ERR_OK;
@@ -256,7 +268,15 @@ bool cpu_open(struct board *b)
     /* CCM hangs on the data bus only (RM0090 2.3.1): no code runs from it. */
     good =
         good && uc_mem_map_ptr(b->uc, CCM_BASE, CCM_SIZE, UC_PROT_READ | UC_PROT_WRITE, b->ccm) == UC_ERR_OK;
+    /* Execution only: data there faults as on the chip. Each half-word is a block of its own. */
+    static uint16_t branches_to_self[0x1000 / 2];
+    for (size_t i = 0; i < sizeof branches_to_self / sizeof branches_to_self[0]; i++) {
+        branches_to_self[i] = 0xE7FE;
+    }
+    good = good && uc_mem_map_ptr(b->uc, RETURN_PAGE, sizeof branches_to_self, UC_PROT_EXEC,
+                                  branches_to_self) == UC_ERR_OK;
     good = good && bus_map(b);
+    good = good && uc_ctl_exits_enable(b->uc) == UC_ERR_OK; /* and there is none: the hooks end every run */
     good = good && uc_ctl_tlb_mode(b->uc, UC_TLB_VIRTUAL) == UC_ERR_OK;
     good = good && add_hook(b, UC_HOOK_TLB_FILL, (any_function)on_tlb_fill, 1, 0);
     good = good && add_hook(b, UC_HOOK_BLOCK, (any_function)on_block, 1, 0);
@@ -390,8 +410,11 @@ static void run_engine(struct board *b)
     } else if (b->fault_seen) {
         fault_by_memory(b, pc);
     } else if (b->trap == TRAP_EXCEPTION_RETURN) {
-        finish_block(b);
-        exception_return(b, pc | 1u);
+        if (pc >= RETURN_FIRST) {
+            exception_return(b, pc | 1u);
+        } else {
+            exception_fault(b, EXC_BUS_FAULT, 1u << 8, pc);
+        }
     } else if (b->trap == TRAP_SVC) {
         finish_block(b);
         exception_svc(b, pc);

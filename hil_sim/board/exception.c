@@ -14,8 +14,6 @@ enum {
 };
 #define CONTROL_SPSEL 2u
 #define CONTROL_FPCA  4u
-#define CONTROL_SFPA                                                                                         \
-    8u /* the engine's CPU model implements TrustZone: without this bit it begins a new FP context */
 #define XPSR_T        (1u << 24)
 #define XPSR_ALIGN    (1u << 9)
 #define CCR_STKALIGN  (1u << 9)
@@ -33,6 +31,19 @@ struct entry_state {
     uint32_t frame[FRAME_REGISTERS], sp, xpsr, control;
 };
 static_assert(sizeof(struct entry_state) == (size_t)4 * ENTRY_REGISTERS, "one word for each register read");
+
+/* Registers of the FP part of the frame, in its order. */
+static const int fp_registers[] = {UC_ARM_REG_D0, UC_ARM_REG_D1, UC_ARM_REG_D2,
+                                   UC_ARM_REG_D3, UC_ARM_REG_D4, UC_ARM_REG_D5,
+                                   UC_ARM_REG_D6, UC_ARM_REG_D7, UC_ARM_REG_FPSCR};
+enum { FP_REGISTERS = 9 };
+
+static void place_fp(uint32_t *words, void **where)
+{
+    for (int i = 0; i < FP_REGISTERS; i++) {
+        where[i] = &words[FRAME_WORDS + 2 * i];
+    }
+}
 
 static void lock_up(struct board *b)
 {
@@ -102,12 +113,9 @@ static uint32_t push_frame(struct board *b, uint32_t return_pc, const struct ent
     words[6] = return_pc & ~1u;
     words[7] = (xpsr & ~XPSR_ALIGN) | XPSR_T | (aligned ? 0 : XPSR_ALIGN);
     if (fp) {
-        for (int i = 0; i < 8; i++) {
-            uint64_t pair = 0;
-            uc_reg_read(b->uc, UC_ARM_REG_D0 + i, &pair);
-            memcpy(&words[FRAME_WORDS + 2 * i], &pair, sizeof pair);
-        }
-        words[24] = cpu_get(b, UC_ARM_REG_FPSCR);
+        void *where[FP_REGISTERS];
+        place_fp(words, where);
+        uc_reg_read_batch(b->uc, fp_registers, where, FP_REGISTERS);
     }
     uint8_t *frame = cpu_memory(b, base, size, true);
     if (frame == NULL) {
@@ -123,7 +131,7 @@ static uint32_t push_frame(struct board *b, uint32_t return_pc, const struct ent
     return base;
 }
 
-static void enter(struct board *b, unsigned exception, uint32_t return_pc)
+static void stack_and_enter(struct board *b, unsigned exception, uint32_t return_pc)
 {
     struct entry_state state;
     cpu_get_many(b, frame_registers, (uint32_t *)&state, ENTRY_REGISTERS);
@@ -139,6 +147,13 @@ static void enter(struct board *b, unsigned exception, uint32_t return_pc)
         exc_return |= RETURN_THREAD | ((control & CONTROL_SPSEL) != 0 ? RETURN_PSP : 0);
     }
     enter_handler(b, exception, state.xpsr, control, exc_return);
+}
+
+static void enter(struct board *b, unsigned exception, uint32_t return_pc)
+{
+    const enum board_phase before = board_enter(b, BOARD_INTERRUPTS);
+    stack_and_enter(b, exception, return_pc);
+    board_enter(b, before);
 }
 
 /* Takes the most urgent exception when it may pre-empt what runs now. */
@@ -185,18 +200,14 @@ static void pop_frame(struct board *b, uint32_t exc_return)
     uint32_t values[] = {sp, xpsr, words[0], words[1], words[2], words[3], words[4], words[5], words[6] | 1u};
     cpu_set_many(b, order, values, sizeof order / sizeof order[0]);
     uint32_t before = cpu_get(b, UC_ARM_REG_CONTROL);
-    uint32_t control =
-        (before & 1u) | (thread && psp ? CONTROL_SPSEL : 0) | (fp ? CONTROL_FPCA | CONTROL_SFPA : 0);
+    uint32_t control = (before & 1u) | (thread && psp ? CONTROL_SPSEL : 0) | (fp ? CONTROL_FPCA : 0);
     if (control != before) {
         cpu_set(b, UC_ARM_REG_CONTROL, control);
     }
     if (fp) {
-        for (int i = 0; i < 8; i++) {
-            uint64_t pair;
-            memcpy(&pair, &words[FRAME_WORDS + 2 * i], sizeof pair);
-            uc_reg_write(b->uc, UC_ARM_REG_D0 + i, &pair);
-        }
-        cpu_set(b, UC_ARM_REG_FPSCR, words[24]);
+        void *where[FP_REGISTERS];
+        place_fp(words, where);
+        uc_reg_write_batch(b->uc, fp_registers, where, FP_REGISTERS);
     }
     uint32_t it = ((xpsr >> 8) & 0xFCu) | ((xpsr >> 25) & 3u);
     b->it_left = (it & 0xFu) != 0 ? 4u - (uint32_t)__builtin_ctz(it & 0xFu) : 0;
@@ -211,7 +222,7 @@ static bool chains(struct board *b)
     return b->nvic.best != 0 && b->nvic.best_priority < nvic_execution_priority(b);
 }
 
-void exception_return(struct board *b, uint32_t exc_return)
+static void unstack_and_return(struct board *b, uint32_t exc_return)
 {
     uint32_t xpsr = cpu_get(b, UC_ARM_REG_XPSR);
     unsigned exception = xpsr & 0x1FFu;
@@ -239,6 +250,13 @@ void exception_return(struct board *b, uint32_t exc_return)
     spend(b, EXIT_CYCLES + ((exc_return & RETURN_NO_FP) == 0 ? FP_CYCLES : 0));
     end_activation(b);
     pop_frame(b, exc_return);
+}
+
+void exception_return(struct board *b, uint32_t exc_return)
+{
+    const enum board_phase before = board_enter(b, BOARD_INTERRUPTS);
+    unstack_and_return(b, exc_return);
+    board_enter(b, before);
 }
 
 /* A fault of the instruction at return_pc. It becomes a hard fault when its own handler is off or not urgent

@@ -1,4 +1,5 @@
-/* External interrupts: edges at the pins of wired encoders, and by software; RM0090 section 12.2.
+/* External interrupts: edges at the pins of wired encoders, of the voltage detector, and by software; RM0090
+ * section 12.2.
  *
  * Pins are not polled. The wires report until when an encoder cannot change; an event is set for that time,
  * and only for lines that would interrupt. Every other access to the unit updates it first. */
@@ -17,6 +18,7 @@ static void update_lines(struct board *b)
     for (unsigned i = 0; i < 5; i++) {
         nvic_set_line(b, irq_of(i), (on >> i & 1u) != 0);
     }
+    nvic_set_line(b, IRQ_PVD, (on & 0x10000u) != 0);
     nvic_set_line(b, IRQ_EXTI9_5, (on & 0x03E0u) != 0);
     nvic_set_line(b, IRQ_EXTI15_10, (on & 0xFC00u) != 0);
 }
@@ -93,6 +95,14 @@ void exti_event(struct board *b, int encoder)
     follow(b, encoder);
     update_lines(b);
     exti_schedule(b);
+}
+
+/* An edge of a line that no pin drives. */
+void exti_edge(struct board *b, uint32_t line, bool rises)
+{
+    b->exti.pr |= line & (rises ? b->exti.rtsr : b->exti.ftsr);
+    update_lines(b);
+    cpu_update_break(b);
 }
 
 void exti_reset(struct board *b)

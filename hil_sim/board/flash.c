@@ -5,6 +5,7 @@
 
 enum { EOP = 1 << 0, WRPERR = 1 << 4, PGAERR = 1 << 5, PGPERR = 1 << 6, PGSERR = 1 << 7, BSY = 1 << 16 };
 enum { PG = 1 << 0, SER = 1 << 1, MER = 1 << 2, STRT = 1 << 16, EOPIE = 1 << 24, LOCK = 1u << 31 };
+enum { OPTLOCK = 1 << 0, OPTSTRT = 1 << 1 };
 enum { IRQ_FLASH = 4, SECTORS = 12 };
 /* Times at 2.7 to 3.6 V, typical and longest, STM32F405 datasheet table 40. */
 static const struct times {
@@ -83,8 +84,10 @@ void flash_reset(struct board *b)
 {
     interrupt_operation(b);
     const struct flash before = b->flash;
-    b->flash = (struct flash){
-        .cr = LOCK, .optcr = 0x0FFFAAEDu, .stale_first = before.stale_first, .stale_end = before.stale_end};
+    b->flash = (struct flash){.cr = LOCK,
+                              .optcr = b->option_bytes | OPTLOCK,
+                              .stale_first = before.stale_first,
+                              .stale_end = before.stale_end};
     b->stall_until = 0;
     event_cancel(b, EVENT_FLASH);
 }
@@ -224,6 +227,27 @@ static void write_cr(struct board *b, uint32_t value)
     }
 }
 
+/* Option bytes: written to the register, stored by OPTSTRT, in force from the next reset (RM0090 section
+ * 3.7.2). */
+static void write_optcr(struct board *b, uint32_t value)
+{
+    struct flash *f = &b->flash;
+    if ((f->optcr & OPTLOCK) != 0) {
+        warn_once(b, 0xF0000013u, "FLASH_OPTCR written while locked: ignored");
+        return;
+    }
+    if ((f->sr & BSY) != 0) {
+        return;
+    }
+    f->optcr = value & 0x0FFFFFEFu & ~(uint32_t)OPTSTRT;
+    if ((value & OPTSTRT) != 0) {
+        b->option_bytes = f->optcr & ~(uint32_t)OPTLOCK;
+        begin_operation(b, 0, 0);
+        busy_for(b, TIME_PS(b, erase_16k_us));
+    }
+    f->opt_key_step = (f->optcr & OPTLOCK) != 0 ? 0 : f->opt_key_step;
+}
+
 bool flash_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
 {
     static const uint32_t keys[] = {0x45670123u, 0xCDEF89ABu};
@@ -245,7 +269,7 @@ bool flash_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
     case 0x08:
         if (write && f->opt_key_step < 2) {
             f->opt_key_step = *value == option_keys[f->opt_key_step] ? (uint8_t)(f->opt_key_step + 1) : 3;
-            f->optcr &= f->opt_key_step == 2 ? ~1u : ~0u;
+            f->optcr &= f->opt_key_step == 2 ? ~(uint32_t)OPTLOCK : ~0u;
         }
         return true;
     case 0x0C:
@@ -262,9 +286,12 @@ bool flash_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
         }
         *value = f->cr;
         return true;
-    case 0x14: /* option bytes keep their factory content */
+    case 0x14:
+        if (write) {
+            write_optcr(b, *value);
+        }
         *value = f->optcr;
-        return !write;
+        return true;
     default:
         return false;
     }

@@ -20,6 +20,8 @@ enum {
     TIMERS = 14,
     USARTS = 3,
     ADCS = 3,
+    DMAS = 2,
+    DMA_STREAMS = 8,
     PORTS = 9,
     ENCODERS = 4,
     WATCHED_PINS = 16,
@@ -51,6 +53,7 @@ enum {
 };
 /* Interrupt numbers used here, RM0090 table 62. */
 enum {
+    IRQ_PVD = 1,
     IRQ_EXTI0 = 6,
     IRQ_ADC = 18,
     IRQ_CAN1_TX = 19,
@@ -79,6 +82,7 @@ enum event_id {
     EVENT_CAN_JOIN,
     EVENTS
 };
+static_assert(EVENTS <= 64, "one bit for each in events_set");
 
 struct event {
     uint64_t at;    /* cycle, NEVER when idle */
@@ -91,6 +95,8 @@ struct clock {
     uint64_t segment_cycle;
     uint64_t segment_ps;
     uint32_t hz;
+    uint64_t ps_numerator, ps_denominator, exact_cycles,
+        exact_ps; /* the last two: spans that 64 bits convert */
 };
 
 struct nvic {
@@ -185,6 +191,12 @@ struct can {
     bool attached;
 };
 
+struct dma_stream {
+    uint32_t cr, ndtr, par, m0ar, m1ar, fcr;
+    uint32_t flags;       /* as they lie in LISR and HISR, from bit 0 */
+    uint32_t items, done; /* in this round */
+};
+
 struct adc {
     uint32_t sr, cr1, cr2, smpr[2], sqr[3], htr, ltr, jsqr, dr;
     uint32_t rank; /* next conversion of the sequence */
@@ -234,9 +246,11 @@ struct board {
     uint64_t break_at; /* first cycle at which the block hook must leave the engine */
     uint64_t target;   /* cycle up to which to run */
     uint64_t target_ps;
-    uint64_t stall_until; /* the CPU waits for flash */
+    volatile enum board_phase phase; /* read by another thread */
+    uint64_t stall_until;            /* the CPU waits for flash */
     struct clock clock;
     struct event events[EVENTS];
+    uint64_t events_set; /* one bit for each that is not idle */
     uint64_t next_event;
     bool in_event;
 
@@ -262,6 +276,12 @@ struct board {
     /* peripherals */
     struct rcc rcc;
     uint32_t pwr_cr;
+    uint32_t option_bytes; /* FLASH_OPTCR as it is loaded at a reset, without its lock */
+    double supply_v;
+    bool held;         /* the supply is too low: in reset */
+    bool supply_low;   /* PWR_CSR.PVDO */
+    bool powered_down; /* since the last start the supply was below the power-down threshold... */
+    bool sram_lost;    /* ...and below what SRAM needs */
     struct flash flash;
     struct gpio gpio[PORTS];
     uint8_t pin_in[PORTS][16];        /* enum board_level, by what is wired to the pins */
@@ -270,6 +290,7 @@ struct board {
     struct can can;
     struct timer timer[TIMERS + 1]; /* TIM1 is [1] */
     struct usart usart[USARTS + 1];
+    struct dma_stream dma[DMAS][DMA_STREAMS];
     struct adc adc[ADCS + 1];
     uint32_t adc_ccr;
     struct iwdg iwdg;
@@ -367,6 +388,7 @@ void systick_freeze(struct board *b, bool frozen);
 uint64_t bus_read(uc_engine *uc, uint64_t offset, unsigned size, void *region);
 void bus_write(uc_engine *uc, uint64_t offset, unsigned size, uint64_t value, void *region);
 bool bus_map(struct board *b);
+void bus_master_access(struct board *b, uint32_t address, bool write, uint32_t *value, unsigned size);
 void bus_reset_peripherals(struct board *b, unsigned rcc_bus, uint32_t bits);
 void warn_once(struct board *b, uint32_t key, const char *format, ...) __attribute__((format(printf, 3, 4)));
 
@@ -405,6 +427,10 @@ void usart_tx_event(struct board *b, int usart);
 void usart_rx_event(struct board *b, int usart);
 void usart_idle_event(struct board *b, int usart);
 void usart_drop_inbound(struct board *b, int usart);
+void usart_dma_ready(struct board *b);
+bool dma_access(struct board *b, int dma, uint32_t offset, bool write, uint32_t *value);
+void dma_reset(struct board *b, int dma);
+bool dma_serve_usart(struct board *b, int usart, bool transmit);
 bool can_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 void can_reset(struct board *b);
 void can_event(struct board *b);
@@ -424,6 +450,10 @@ void exti_sync(struct board *b);
 void exti_schedule(struct board *b);
 void exti_event(struct board *b, int encoder);
 bool syscfg_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
+void exti_edge(struct board *b, uint32_t line, bool rises);
+void board_hold(struct board *b);
+void board_release(struct board *b, bool sram_lost, bool powered_down);
+void supply_follow(struct board *b);
 bool pwr_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 bool dbgmcu_freezes_tim(const struct board *b, int timer);
 bool dbgmcu_access(struct board *b, uint32_t offset, bool write, uint32_t *value);

@@ -1,10 +1,36 @@
 /* Virtual time: CPU cycles, their length in picoseconds, and the events that wait for them. */
 #include "machine.h"
 
+/* Picoseconds of a cycle as a fraction in lowest terms: 128 bits are slow, and needed for long spans only. */
+static void set_ratio(struct clock *clock, uint32_t hz)
+{
+    uint64_t divisor = PS_PER_S;
+    uint64_t rest = hz;
+    while (rest != 0) {
+        const uint64_t next = divisor % rest;
+        divisor = rest;
+        rest = next;
+    }
+    clock->hz = hz;
+    clock->ps_numerator = PS_PER_S / divisor;
+    clock->ps_denominator = hz / divisor;
+    if (clock->ps_numerator == 0 || clock->ps_denominator == 0) { /* never: the divisor divides both */
+        return;
+    }
+    clock->exact_cycles = UINT64_MAX / clock->ps_numerator;
+    clock->exact_ps = (UINT64_MAX - clock->ps_numerator) / clock->ps_denominator;
+}
+
 uint64_t time_to_ps(const struct board *b, uint64_t cycle)
 {
-    unsigned __int128 span = (unsigned __int128)(cycle - b->clock.segment_cycle) * PS_PER_S;
-    return b->clock.segment_ps + (uint64_t)(span / b->clock.hz);
+    const uint64_t cycles = cycle - b->clock.segment_cycle;
+    if (cycles == 0) {
+        return b->clock.segment_ps;
+    }
+    if (cycles <= b->clock.exact_cycles) {
+        return b->clock.segment_ps + cycles * b->clock.ps_numerator / b->clock.ps_denominator;
+    }
+    return b->clock.segment_ps + (uint64_t)((unsigned __int128)cycles * PS_PER_S / b->clock.hz);
 }
 
 /* First cycle that begins at or after the given time; a time gone by is the segment's first cycle. */
@@ -16,15 +42,21 @@ uint64_t time_to_cycle(const struct board *b, uint64_t ps)
     if (ps <= b->clock.segment_ps) {
         return b->clock.segment_cycle;
     }
-    unsigned __int128 span = (unsigned __int128)(ps - b->clock.segment_ps) * b->clock.hz;
+    const uint64_t span_ps = ps - b->clock.segment_ps;
+    const uint64_t numerator = b->clock.ps_numerator;
+    if (span_ps <= b->clock.exact_ps) {
+        return b->clock.segment_cycle + (span_ps * b->clock.ps_denominator + numerator - 1) / numerator;
+    }
+    unsigned __int128 span = (unsigned __int128)span_ps * b->clock.hz;
     return b->clock.segment_cycle + (uint64_t)((span + PS_PER_S - 1) / PS_PER_S);
 }
 
 static void find_next(struct board *b)
 {
     uint64_t next = NEVER;
-    for (unsigned i = 0; i < EVENTS; i++) {
-        next = b->events[i].at < next ? b->events[i].at : next;
+    for (uint64_t left = b->events_set; left != 0; left &= left - 1) {
+        const uint64_t at = b->events[__builtin_ctzll(left)].at;
+        next = at < next ? at : next;
     }
     b->next_event = next;
     cpu_update_break(b);
@@ -36,7 +68,7 @@ void time_set_hz(struct board *b, uint32_t hz)
 {
     b->clock.segment_ps = time_to_ps(b, b->moment);
     b->clock.segment_cycle = b->moment;
-    b->clock.hz = hz;
+    set_ratio(&b->clock, hz);
     for (unsigned i = 0; i < EVENTS; i++) {
         if (b->events[i].in_ps && b->events[i].at != NEVER) {
             b->events[i].at = time_to_cycle(b, b->events[i].at_ps);
@@ -50,6 +82,7 @@ static void set_event(struct board *b, unsigned id, uint64_t cycle)
 {
     uint64_t before = b->events[id].at;
     b->events[id].at = cycle;
+    b->events_set = (b->events_set & ~(1ULL << id)) | (uint64_t)(cycle != NEVER) << id;
     if (b->in_event) {
         return; /* events_run looks for the next one afterwards */
     }
@@ -113,11 +146,13 @@ static void dispatch(struct board *b, unsigned id)
 void events_run(struct board *b, uint64_t until)
 {
     uint64_t resume = b->moment;
+    const enum board_phase before = board_enter(b, BOARD_PERIPHERALS);
     while (b->next_event <= until && !b->reset_wanted) {
-        unsigned due = 0;
-        while (b->events[due].at != b->next_event) {
-            due++;
+        uint64_t left = b->events_set;
+        while (b->events[__builtin_ctzll(left)].at != b->next_event) {
+            left &= left - 1;
         }
+        const unsigned due = (unsigned)__builtin_ctzll(left);
         b->moment = b->next_event;
         b->in_event = true;
         event_cancel(b, due);
@@ -125,6 +160,7 @@ void events_run(struct board *b, uint64_t until)
         b->in_event = false;
         find_next(b);
     }
+    board_enter(b, before);
     b->moment = resume > b->moment ? resume : b->moment;
     if (!b->reset_wanted) {
         b->moment = until > b->moment ? until : b->moment;

@@ -8,7 +8,7 @@
 enum { FE = 1 << 1, NF = 1 << 2, ORE = 1 << 3, IDLE = 1 << 4, RXNE = 1 << 5, TC = 1 << 6, TXE = 1 << 7 };
 enum { RE = 1 << 2, TE = 1 << 3, IDLEIE = 1 << 4, RXNEIE = 1 << 5, TCIE = 1 << 6, TXEIE = 1 << 7 };
 enum { PCE = 1 << 10, M = 1 << 12, UE = 1 << 13, OVER8 = 1 << 15 };
-enum { EIE = 1 << 0, FIRST_CAPACITY = 256 };
+enum { EIE = 1 << 0, DMAR = 1 << 6, DMAT = 1 << 7, FIRST_CAPACITY = 256 };
 #define BAUD_TOLERANCE 0.03 /* of a receiver that samples 8N1 in mid-bit, RM0090 30.3.5 */
 
 /* CPU cycles of one bit: 0 while the divider is not set. */
@@ -75,6 +75,25 @@ static void start_shifting(struct board *b, int usart)
     event_at_cycle(b, EVENT_USART_TX0 + (unsigned)usart - 1, b->moment + bit * frame_bits(u));
 }
 
+/* DMA requests last as long as their flags: RXNE, and TXE while the transmitter is on (section 30.3.13). */
+static void request_dma(struct board *b, int usart)
+{
+    const struct usart *u = &b->usart[usart];
+    while ((u->cr3 & DMAR) != 0 && (u->sr & RXNE) != 0 && dma_serve_usart(b, usart, false)) {
+    }
+    while ((u->cr3 & DMAT) != 0 && (u->sr & TXE) != 0 && (u->cr1 & (UE | TE)) == (UE | TE) &&
+           dma_serve_usart(b, usart, true)) {
+    }
+}
+
+/* A stream has just been enabled: what waits for one is served. */
+void usart_dma_ready(struct board *b)
+{
+    for (int i = 1; i <= USARTS; i++) {
+        request_dma(b, i);
+    }
+}
+
 void usart_tx_event(struct board *b, int usart)
 {
     struct usart *u = &b->usart[usart];
@@ -89,6 +108,7 @@ void usart_tx_event(struct board *b, int usart)
         warn_once(b, 0xF0000040u + (uint32_t)usart, "USART%d sends, but no pin carries its TX", usart);
     }
     start_shifting(b, usart);
+    request_dma(b, usart);
     if (!u->shifting) {
         u->sr |= TC;
     }
@@ -138,6 +158,7 @@ void usart_rx_event(struct board *b, int usart)
     } else {
         u->rdr = byte;
         u->sr |= RXNE;
+        request_dma(b, usart);
     }
     event_at_cycle(b, EVENT_USART_IDLE0 + (unsigned)usart - 1, b->moment + bit * frame_bits(u));
     update_line(b, usart);
@@ -237,9 +258,9 @@ static void write_data(struct board *b, int usart, uint32_t value)
 static void check_modes(struct board *b, int usart)
 {
     const struct usart *u = &b->usart[usart];
-    if ((u->cr1 & (PCE | M)) != 0 || (u->cr2 & 1u << 14) != 0 || (u->cr3 & 0xFEu) != 0) {
-        warn_once(b, 0xF0000080u + (uint32_t)usart,
-                  "USART%d: only 8N1 without DMA and flow control is modelled", usart);
+    if ((u->cr1 & (PCE | M)) != 0 || (u->cr2 & 1u << 14) != 0 || (u->cr3 & 0x33Eu) != 0) {
+        warn_once(b, 0xF0000080u + (uint32_t)usart, "USART%d: only 8N1 without flow control is modelled",
+                  usart);
     }
 }
 
@@ -264,6 +285,7 @@ bool usart_access(struct board *b, int usart, uint32_t offset, bool write, uint3
         *store[offset / 4] = *value & 0xFFFFu;
         check_modes(b, usart);
         start_shifting(b, usart);
+        request_dma(b, usart);
     }
     update_line(b, usart);
     return true;

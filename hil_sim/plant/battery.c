@@ -6,6 +6,7 @@
 #include "battery.h"
 
 static const double step_s = PLANT_STEP_US * 1e-6;
+static const double capacitor_f = 470e-6;
 
 void battery_init(struct battery *battery, const struct plant_battery_params *params)
 {
@@ -28,8 +29,17 @@ double battery_open_v(const struct battery *battery)
     return params->empty_v + (params->full_v - params->empty_v) * battery_charge(battery);
 }
 
+void battery_cut_off(struct battery *battery, bool cut_off)
+{
+    battery->capacitor_v = battery_terminal_v(battery);
+    battery->cut_off = cut_off;
+}
+
 double battery_terminal_v(const struct battery *battery)
 {
+    if (battery->cut_off) {
+        return battery->capacitor_v;
+    }
     const double volts = battery_open_v(battery) - battery->params.resistance_ohm * battery->current_a;
     return volts > 0.0 ? volts : 0.0;
 }
@@ -38,5 +48,10 @@ void battery_step(struct battery *battery, double bridges_as)
 {
     const double charge_as = bridges_as + battery->params.electronics_a * step_s;
     battery->current_a = charge_as / step_s;
+    if (battery->cut_off) {
+        const double volts = battery->capacitor_v - charge_as / capacitor_f;
+        battery->capacitor_v = volts > 0.0 ? volts : 0.0;
+        return;
+    }
     battery->drawn_as += charge_as;
 }

@@ -16,6 +16,7 @@
 #include "disturbance.h"
 #include "driver.h"
 #include "gear.h"
+#include "intermittent.h"
 #include "load.h"
 #include "noise.h"
 #include "plain_robot.h"
@@ -49,6 +50,7 @@ struct extended_robot {
     double polarisation_v;
     struct load load;
     struct disturbance disturbance;
+    struct intermittent intermittent;
     struct friction_speeds floor; /* speed of the floor below the contacts */
     bool loaded;                  /* the payload is on */
     double body_kg;               /* with payload */
@@ -105,6 +107,7 @@ bool extended_set_effects(struct plant *plant, const struct plant_unmodelled_eff
                 sensor_count(&plant->params.wheel[i].encoder, plant->seed, i, plant->angle_rad[i]);
         }
         plant->extended->floor = plant->rims;
+        extended_hold(plant);
     }
     plant->extended->params = *params;
     weigh(plant);
@@ -119,6 +122,11 @@ void extended_destroy(struct extended_robot *robot)
 void extended_set_bridge(struct plant *plant, int wheel, double in1_duty, double in2_duty)
 {
     driver_ask(&plant->extended->side[wheel].driver, in1_duty, in2_duty);
+}
+
+void extended_hold(struct plant *plant)
+{
+    intermittent_hold(&plant->extended->intermittent, plant->hold_nm, plant->steps);
 }
 
 void extended_turn_wheel(struct plant *plant, int wheel, double angle_rad)
@@ -180,6 +188,7 @@ struct motion {
     double motor_n[PLANT_WHEELS]; /* at the motor: electrical, ripple, disturbance */
     double floor_n[PLANT_WHEELS]; /* at the wheel: what the floor does to it */
     double body_n;                /* on the chassis */
+    double side_n[PLANT_WHEELS];  /* on one side of the chassis */
     struct friction_limits limits;
 };
 
@@ -260,7 +269,7 @@ static struct contact move_side(struct plant *plant, const struct motion *motion
             .wheel_mps = soft_threshold(momentum, dry_impulse) / (wheel_kg + viscous),
         };
     }
-    contact.pull_n += 0.5 * motion->body_n;
+    contact.pull_n += 0.5 * motion->body_n + motion->side_n[i];
     return contact;
 }
 
@@ -390,6 +399,18 @@ static void step_electrical(struct plant *plant, struct motion *motion)
     }
 }
 
+/* Forces on the sides of the body, and dry friction at the axles, that act for some time only. */
+static void set_intermittent(const struct plant *plant, struct motion *motion, double dry_nm[PLANT_WHEELS])
+{
+    const struct extended_robot *robot = plant->extended;
+    const struct plant_intermittent_effects *params = &robot->params.intermittent;
+    const struct intermittent_view view = {&plant->chassis, plant->seed, plant->steps};
+    for (int i = 0; i < PLANT_WHEELS; i++) {
+        dry_nm[i] = intermittent_dry_nm(&robot->intermittent, params, &view, i);
+        motion->side_n[i] = intermittent_side_n(&robot->intermittent, params, &view, i);
+    }
+}
+
 /* Loads and dry friction at the present speeds and angles; `electrical_n` is the motors' own force. */
 static void set_loads(struct plant *plant, struct motion *motion, const double electrical_n[PLANT_WHEELS])
 {
@@ -412,9 +433,11 @@ static void set_loads(struct plant *plant, struct motion *motion, const double e
     motion->body_n = load_body_n(&robot->load, &params->load, &view, motion->span_s);
     const struct friction_speeds *floor = params->tyre.grip > 0.0 ? &robot->floor : &plant->rims;
     const double share = motion->span_s / step_s;
+    double dry_nm[PLANT_WHEELS];
+    set_intermittent(plant, motion, dry_nm);
     motion->limits = (struct friction_limits){
-        .left = share * rim_dry_impulse(&wheel[0], plant->rims.left, plant->hold_nm[0]),
-        .right = share * rim_dry_impulse(&wheel[1], plant->rims.right, plant->hold_nm[1]),
+        .left = share * rim_dry_impulse(&wheel[0], plant->rims.left, plant->hold_nm[0] + dry_nm[0]),
+        .right = share * rim_dry_impulse(&wheel[1], plant->rims.right, plant->hold_nm[1] + dry_nm[1]),
         .twist = motion->span_s * chassis_scrub_n(&plant->chassis, floor),
     };
 }

@@ -19,6 +19,9 @@ void extended_step(struct plant *plant);
 /* The duties of the bridge inputs, as the driver model takes them. */
 void extended_set_bridge(struct plant *plant, int wheel, double in1_duty, double in2_duty);
 
+/* Takes with what dry friction the wheels are held. */
+void extended_hold(struct plant *plant);
+
 /* Turned by hand. */
 void extended_turn_wheel(struct plant *plant, int wheel, double angle_rad);
 

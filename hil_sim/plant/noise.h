@@ -12,6 +12,11 @@ enum noise_stream {
     NOISE_DRIVER_RIGHT,
     NOISE_COUNTS_LEFT,
     NOISE_COUNTS_RIGHT,
+    NOISE_CARPET,
+    NOISE_PUSH,
+    NOISE_BIND,
+    NOISE_KNOCK,
+    NOISE_KNOCK_SIGN,
 };
 
 /* A well mixed word: the finaliser of splitmix64 (Steele, Lea and Flood 2014), twice. */

@@ -79,7 +79,15 @@ void plant_hold_wheel(struct plant *plant, int wheel, double torque_nm)
 {
     if (is_wheel(wheel) && torque_nm >= 0.0) {
         plant->hold_nm[wheel] = torque_nm;
+        if (plant->extended != NULL) {
+            extended_hold(plant);
+        }
     }
+}
+
+void plant_cut_off_battery(struct plant *plant, bool cut_off)
+{
+    battery_cut_off(&plant->battery, cut_off);
 }
 
 void plant_turn_wheel(struct plant *plant, int wheel, double angle_rad)

@@ -34,6 +34,9 @@ void plant_replay(struct plant *plant, const double (*efforts)[PLANT_WHEELS], si
 /* Holds a wheel by dry friction of this torque at its axle, as a hand or a kerb does; 0 lets go. */
 void plant_hold_wheel(struct plant *plant, int wheel, double torque_nm);
 
+/* Cuts the battery off, as a fuse or a protection circuit does: the bridges' capacitor is then the supply. */
+void plant_cut_off_battery(struct plant *plant, bool cut_off);
+
 /* Turns a lifted wheel by hand; the robot stays where it is. */
 void plant_turn_wheel(struct plant *plant, int wheel, double angle_rad);
 

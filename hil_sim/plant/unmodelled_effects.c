@@ -80,6 +80,23 @@ static const struct bound bounds[] = {
     TWO(disturbance.torque_nm, 0.0, 100.0),
     ONE(disturbance.correlation_s, 0.0, 1000.0),
     ONE(disturbance.resting_mps, 0.0, 10.0),
+    TWO(intermittent.carpet_nm, 0.0, 100.0),
+    ONE(intermittent.carpet_from_s, 0.0, 1000.0),
+    ONE(intermittent.carpet_room_s, 0.0, 1000.0),
+    ONE(intermittent.carpet_for_s, 0.0, 1000.0),
+    ONE(intermittent.carpet_from_m, -1000.0, 1000.0),
+    ONE(intermittent.carpet_for_m, 0.0, 1000.0),
+    TWO(intermittent.push_n, 0.0, 1000.0),
+    ONE(intermittent.push_share, 0.0, 1.0),
+    ONE(intermittent.push_from_s, 0.0, 1000.0),
+    ONE(intermittent.push_room_s, 0.0, 1000.0),
+    ONE(intermittent.push_for_s, 0.0, 1000.0),
+    TWO(intermittent.bind_nm, 0.0, 100.0),
+    ONE(intermittent.bind_every_s, 0.0, 1000.0),
+    ONE(intermittent.bind_for_s, 0.0, 1000.0),
+    TWO(intermittent.knock_n, 0.0, 10000.0),
+    ONE(intermittent.knock_every_s, 0.0, 1000.0),
+    ONE(intermittent.knock_for_s, 0.0, 1000.0),
 };
 
 static _Thread_local char problem[160];
@@ -126,6 +143,13 @@ static const char *division_by_zero(const struct plant_unmodelled_effects *effec
     }
     if (found == NULL && effects->encoder.dropout[0] + effects->encoder.dropout[1] > 0.0) {
         found = zero_below("encoder.dropout_at_radps", effects->encoder.dropout_at_radps);
+    }
+    const struct plant_intermittent_effects *intermittent = &effects->intermittent;
+    if (found == NULL && intermittent->bind_nm[0] + intermittent->bind_nm[1] > 0.0) {
+        found = zero_below("intermittent.bind_every_s", intermittent->bind_every_s);
+    }
+    if (found == NULL && intermittent->knock_n[0] + intermittent->knock_n[1] > 0.0) {
+        found = zero_below("intermittent.knock_every_s", intermittent->knock_every_s);
     }
     return found;
 }

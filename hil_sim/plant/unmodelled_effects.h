@@ -110,6 +110,28 @@ struct plant_disturbance_effects {
                            too */
 };
 
+/* What acts for some time only. A run begins when both wheels are let go (plant_hold_wheel); when something
+ * acts in it is drawn from the seed. */
+struct plant_intermittent_effects {
+    double carpet_nm[PLANT_WHEELS]; /* dry friction of a wheel on the carpet; 0: none */
+    double carpet_from_s;           /* of a run: the carpet begins from then on, */
+    double carpet_room_s;           /* within so long, */
+    double carpet_for_s;            /* and lasts so long */
+    double carpet_from_m;           /* x at which it begins instead, */
+    double carpet_for_m;            /* where it is so wide; 0: by time */
+    double push_n[PLANT_WHEELS];    /* force on each side of the body, forward or back; 0: none */
+    double push_share;              /* of the runs that have one */
+    double push_from_s;
+    double push_room_s;
+    double push_for_s;
+    double bind_nm[PLANT_WHEELS]; /* dry friction of a bearing while it binds; 0: never */
+    double bind_every_s;
+    double bind_for_s;
+    double knock_n[PLANT_WHEELS]; /* force on each side of the body, forward or back; 0: none */
+    double knock_every_s;         /* one at a random time in each such stretch of a run */
+    double knock_for_s;
+};
+
 struct plant_unmodelled_effects {
     struct plant_driver_effects driver;
     struct plant_supply_effects supply;
@@ -122,6 +144,7 @@ struct plant_unmodelled_effects {
     struct plant_creep_effects creep;
     struct plant_payload_effects payload;
     struct plant_disturbance_effects disturbance;
+    struct plant_intermittent_effects intermittent;
 };
 
 /* NULL when these numbers are valid; else one line that names the invalid one, which stays valid until this

@@ -47,7 +47,9 @@ static void advance_plant(struct rig *r, uint64_t time_ps)
 {
     uint64_t steps = time_ps / STEP_PS;
     if (r->plant != NULL && steps > r->plant_steps) {
+        const enum board_phase before = board_enter(r->board, BOARD_PLANT);
         plant_advance(r->plant, steps - r->plant_steps);
+        board_enter(r->board, before);
     }
     r->plant_steps = steps > r->plant_steps ? steps : r->plant_steps;
 }
@@ -280,6 +282,11 @@ size_t rig_link_read(struct rig *rig, uint8_t *out, size_t capacity)
     return taken;
 }
 
+enum board_phase rig_phase(const struct rig *rig)
+{
+    return board_phase(rig->board);
+}
+
 size_t rig_link_pending(const struct rig *rig)
 {
     return board_usart_inbound(rig->board, RIG_LINK_USART);
@@ -397,6 +404,14 @@ void rig_hold_wheel(struct rig *rig, int wheel, double torque_nm)
 void rig_battery_sense_connected(struct rig *rig, bool connected)
 {
     rig->sense_connected = connected;
+}
+
+void rig_cut_off_battery(struct rig *rig, bool cut_off)
+{
+    advance_plant(rig, board_time_ps(rig->board));
+    if (rig->plant != NULL) {
+        plant_cut_off_battery(rig->plant, cut_off);
+    }
 }
 
 void rig_emergency_stop(struct rig *rig, bool pressed)

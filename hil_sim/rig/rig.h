@@ -41,7 +41,8 @@ uint64_t rig_time_us(const struct rig *rig);
    once they have been shifted out. */
 void rig_link_write(struct rig *rig, const uint8_t *data, size_t length);
 size_t rig_link_read(struct rig *rig, uint8_t *out, size_t capacity);
-size_t rig_link_pending(const struct rig *rig); /* bytes to the board still on the line */
+enum board_phase rig_phase(const struct rig *rig); /* for a profiler, from any thread */
+size_t rig_link_pending(const struct rig *rig);    /* bytes to the board still on the line */
 /* Speed of the host's port; bytes garble when the board's differs by more than 3 %. 0: the cable is cut. */
 void rig_link_baud(struct rig *rig, double baud);
 
@@ -69,7 +70,8 @@ void rig_turn_wheel(struct rig *rig, int wheel, double angle_rad); /* by hand, w
 void rig_swap_encoders(struct rig *rig, bool swapped); /* each encoder is plugged into the other input */
 void rig_hold_wheel(struct rig *rig, int wheel, double torque_nm); /* a hand or a kerb; 0 lets go */
 void rig_battery_sense_connected(struct rig *rig,
-                                 bool connected); /* the divider loses the battery, motors keep it */
+                                 bool connected);        /* the divider loses the battery, motors keep it */
+void rig_cut_off_battery(struct rig *rig, bool cut_off); /* its plug is out, or its protection has opened */
 void rig_bench_voltage(struct rig *rig,
                        double volts); /* the divider sees a bench supply; below 0: the battery */
 void rig_emergency_stop(struct rig *rig, bool pressed); /* its contact opens, as by a broken wire */

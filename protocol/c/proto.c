@@ -1301,7 +1301,7 @@ const char *proto_refusal_reason_name(unsigned value) {
 }
 
 const char *proto_fault_name(unsigned bit) {
-    static const char *const names[] = {"encoder_left_implausible", "encoder_right_implausible", "battery_unread", "battery_low", "host_silent", "loop_overrun", "clock_fallback", "parameter_store_damaged", "encoder_left_lost", "encoder_right_lost", "encoder_left_reversed", "encoder_right_reversed", "wheel_left_stalled", "wheel_right_stalled", "overspeed", "brown_out", "program_fault", "watchdog_reset", "sequence_damaged", "can_bus_off", "control_not_finite", "main_loop_hung", "unexpected_reset", "emergency_stop"};
+    static const char *const names[] = {"encoder_left_implausible", "encoder_right_implausible", "battery_unread", "battery_low", "host_silent", "loop_overrun", "clock_fallback", "parameter_store_damaged", "encoder_left_lost", "encoder_right_lost", "encoder_left_reversed", "encoder_right_reversed", "wheel_left_stalled", "wheel_right_stalled", "overspeed", "brown_out", "program_fault", "watchdog_reset", "sequence_damaged", "can_bus_off", "control_not_finite", "main_loop_hung", "unexpected_reset", "emergency_stop", "battery_high", "motor_left_hot", "motor_right_hot", "supply_dip", "brown_out_reset_off"};
     return bit >= PROTO_FAULT_COUNT ? "?" : names[bit];
 }
 
@@ -1370,4 +1370,10 @@ const struct proto_parameter_info proto_parameters[PROTO_PARAMETER_COUNT] = {
     {"can_bitrate_kbps", "kbit/s", PROTO_PARAMETER_KIND_INTEGER, 100.0f, 1000.0f, 1000.0f, 0x0717e48fu},
     {"can_status_hz", "Hz", PROTO_PARAMETER_KIND_INTEGER, 0.0f, 100.0f, 10.0f, 0x2beda8bfu},
     {"heartbeat_timeout_s", "s", PROTO_PARAMETER_KIND_REAL, 0.05f, 10.0f, 0.5f, 0x602a27a5u},
+    {"effort_mode_slew_per_s", "effort/s", PROTO_PARAMETER_KIND_REAL, 1.0f, 500.0f, 100.0f, 0x66234074u},
+    {"battery_high_v", "V", PROTO_PARAMETER_KIND_REAL, 1.0f, 60.0f, 32.0f, 0x9d36c55bu},
+    {"motor_resistance_ohm", "ohm", PROTO_PARAMETER_KIND_REAL, 0.0f, 1000.0f, 0.0f, 0xcdfac326u},
+    {"motor_emf_vs_per_m", "V*s/m", PROTO_PARAMETER_KIND_REAL, 0.0f, 1000.0f, 0.0f, 0x42bd95ebu},
+    {"motor_continuous_a", "A", PROTO_PARAMETER_KIND_REAL, 0.0f, 100.0f, 0.0f, 0x59e75c49u},
+    {"motor_thermal_s", "s", PROTO_PARAMETER_KIND_REAL, 0.1f, 10000.0f, 20.0f, 0x1b8f4ad7u},
 };

@@ -20,7 +20,7 @@
 #define PROTO_CAN_ANNOUNCE_BASE 0x680u /* its CAN id is this plus the node */
 #define PROTO_CAN_STATUS_BASE 0x6c0u /* its CAN id is this plus the node */
 #define PROTO_CAN_MOTION_BASE 0x700u /* its CAN id is this plus the node */
-#define PROTO_SCHEMA_HASH 0xfb3149e1u
+#define PROTO_SCHEMA_HASH 0xb0e2106au
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
@@ -791,8 +791,8 @@ void proto_log_record_from_words(struct proto_log_record *to, const uint32_t wor
 
 /* faults: bit masks */
 enum proto_fault {
-    PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE = 1u << 0, /* the left encoder counts faster than the wheel can turn, or turns while both wheels are braked */
-    PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE = 1u << 1, /* the right encoder counts faster than the wheel can turn, or turns while both wheels are braked */
+    PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE = 1u << 0, /* the left encoder counts faster than the wheel can turn; or the wheel turns, and a sequence begins from rest */
+    PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE = 1u << 1, /* the right encoder counts faster than the wheel can turn; or the wheel turns, and a sequence begins from rest */
     PROTO_FAULT_BATTERY_UNREAD = 1u << 2, /* the supply voltage could not be measured for 100 ms */
     PROTO_FAULT_BATTERY_LOW = 1u << 3, /* the supply stayed below battery_low_v */
     PROTO_FAULT_HOST_SILENT = 1u << 4, /* the host fell silent: no valid command within command_timeout_s of a live drive, or no request within heartbeat_timeout_s of a sequence that needs its host */
@@ -803,8 +803,8 @@ enum proto_fault {
     PROTO_FAULT_ENCODER_RIGHT_LOST = 1u << 9, /* the right motor was driven and its encoder counted nothing, from the start or from one moment to the next */
     PROTO_FAULT_ENCODER_LEFT_REVERSED = 1u << 10, /* the left encoder counts against the effort: its phases or the motor's leads are the wrong way round, or a stronger force turns the wheel */
     PROTO_FAULT_ENCODER_RIGHT_REVERSED = 1u << 11, /* the right encoder counts against the effort: its phases or the motor's leads are the wrong way round, or a stronger force turns the wheel */
-    PROTO_FAULT_WHEEL_LEFT_STALLED = 1u << 12, /* the left wheel turned and then stood under stall_effort: something holds it, or its encoder failed while it turned slowly */
-    PROTO_FAULT_WHEEL_RIGHT_STALLED = 1u << 13, /* the right wheel turned and then stood under stall_effort: something holds it, or its encoder failed while it turned slowly */
+    PROTO_FAULT_WHEEL_LEFT_STALLED = 1u << 12, /* the left wheel turned and then stood under stall_effort, or hardly turns under half effort or more: something holds it, or its encoder failed */
+    PROTO_FAULT_WHEEL_RIGHT_STALLED = 1u << 13, /* the right wheel turned and then stood under stall_effort, or hardly turns under half effort or more: something holds it, or its encoder failed */
     PROTO_FAULT_OVERSPEED = 1u << 14, /* a wheel turned faster than overspeed_mps */
     PROTO_FAULT_BROWN_OUT = 1u << 15, /* the board's own supply dipped and restarted it; its previous activity is lost */
     PROTO_FAULT_PROGRAM_FAULT = 1u << 16, /* the program failed, or its crystal stopped, and the board restarted; the registers were kept */
@@ -815,9 +815,14 @@ enum proto_fault {
     PROTO_FAULT_MAIN_LOOP_HUNG = 1u << 21, /* the main loop of the program did not run for 40 ms: nobody could have stopped the robot */
     PROTO_FAULT_UNEXPECTED_RESET = 1u << 22, /* the board was reset, by its reset pin or a debug probe, while it drove */
     PROTO_FAULT_EMERGENCY_STOP = 1u << 23, /* the emergency stop is pressed, or has been since the faults were last cleared, or its wire is broken */
+    PROTO_FAULT_BATTERY_HIGH = 1u << 24, /* the supply rose above battery_high_v: braking motors returned energy that no battery took, or it is the wrong supply */
+    PROTO_FAULT_MOTOR_LEFT_HOT = 1u << 25, /* the left motor has been heated as by more than motor_continuous_a for ever: by the current that effort, supply and speed imply */
+    PROTO_FAULT_MOTOR_RIGHT_HOT = 1u << 26, /* the right motor has been heated as by more than motor_continuous_a for ever: by the current that effort, supply and speed imply */
+    PROTO_FAULT_SUPPLY_DIP = 1u << 27, /* the board's own 3.3 V fell below 2.93 V for a moment: less would restart it */
+    PROTO_FAULT_BROWN_OUT_RESET_OFF = 1u << 28, /* the chip's option bytes leave its brown-out reset off or too low: in a sag of its supply it may run on wrong instructions */
 };
-#define PROTO_FAULT_COUNT 24u
-#define PROTO_FAULTS_THAT_STOP ((uint32_t)(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE | PROTO_FAULT_BATTERY_UNREAD | PROTO_FAULT_BATTERY_LOW | PROTO_FAULT_HOST_SILENT | PROTO_FAULT_LOOP_OVERRUN | PROTO_FAULT_PARAMETER_STORE_DAMAGED | PROTO_FAULT_ENCODER_LEFT_LOST | PROTO_FAULT_ENCODER_RIGHT_LOST | PROTO_FAULT_ENCODER_LEFT_REVERSED | PROTO_FAULT_ENCODER_RIGHT_REVERSED | PROTO_FAULT_WHEEL_LEFT_STALLED | PROTO_FAULT_WHEEL_RIGHT_STALLED | PROTO_FAULT_OVERSPEED | PROTO_FAULT_BROWN_OUT | PROTO_FAULT_PROGRAM_FAULT | PROTO_FAULT_WATCHDOG_RESET | PROTO_FAULT_SEQUENCE_DAMAGED | PROTO_FAULT_CONTROL_NOT_FINITE | PROTO_FAULT_MAIN_LOOP_HUNG | PROTO_FAULT_UNEXPECTED_RESET | PROTO_FAULT_EMERGENCY_STOP))
+#define PROTO_FAULT_COUNT 29u
+#define PROTO_FAULTS_THAT_STOP ((uint32_t)(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE | PROTO_FAULT_BATTERY_UNREAD | PROTO_FAULT_BATTERY_LOW | PROTO_FAULT_HOST_SILENT | PROTO_FAULT_LOOP_OVERRUN | PROTO_FAULT_PARAMETER_STORE_DAMAGED | PROTO_FAULT_ENCODER_LEFT_LOST | PROTO_FAULT_ENCODER_RIGHT_LOST | PROTO_FAULT_ENCODER_LEFT_REVERSED | PROTO_FAULT_ENCODER_RIGHT_REVERSED | PROTO_FAULT_WHEEL_LEFT_STALLED | PROTO_FAULT_WHEEL_RIGHT_STALLED | PROTO_FAULT_OVERSPEED | PROTO_FAULT_BROWN_OUT | PROTO_FAULT_PROGRAM_FAULT | PROTO_FAULT_WATCHDOG_RESET | PROTO_FAULT_SEQUENCE_DAMAGED | PROTO_FAULT_CONTROL_NOT_FINITE | PROTO_FAULT_MAIN_LOOP_HUNG | PROTO_FAULT_UNEXPECTED_RESET | PROTO_FAULT_EMERGENCY_STOP | PROTO_FAULT_BATTERY_HIGH | PROTO_FAULT_MOTOR_LEFT_HOT | PROTO_FAULT_MOTOR_RIGHT_HOT | PROTO_FAULT_SUPPLY_DIP))
 const char *proto_fault_name(unsigned bit); /* bit: 0..31 */
 
 /* parameters: indices into proto_parameters and on the wire */
@@ -861,8 +866,14 @@ enum proto_parameter {
     PROTO_PARAMETER_CAN_BITRATE_KBPS = 36, /* bit rate of the CAN bus, the same for all that share it; usual are 1000 and 500, kbit/s */
     PROTO_PARAMETER_CAN_STATUS_HZ = 37, /* status broadcasts on the CAN bus per second; 0: none, Hz */
     PROTO_PARAMETER_HEARTBEAT_TIMEOUT_S = 38, /* time without a request of the host that started it after which a sequence stops, latched, unless it runs unattended, s */
+    PROTO_PARAMETER_EFFORT_MODE_SLEW_PER_S = 39, /* effort mode: fastest change of effort; a stop is not delayed by it, effort/s */
+    PROTO_PARAMETER_BATTERY_HIGH_V = 40, /* supply above which the wheels stop; the board measures up to 36.3 V, V */
+    PROTO_PARAMETER_MOTOR_RESISTANCE_OHM = 41, /* resistance of a motor's winding, leads and bridge; supply over stall current. 0: unknown, and the motors have no thermal limit, ohm */
+    PROTO_PARAMETER_MOTOR_EMF_VS_PER_M = 42, /* a motor's back-EMF per wheel speed; 0: unknown, and the thermal limit takes every current for that of a standing wheel, V*s/m */
+    PROTO_PARAMETER_MOTOR_CONTINUOUS_A = 43, /* current that a motor bears for ever; 0: unknown, and the motors have no thermal limit, A */
+    PROTO_PARAMETER_MOTOR_THERMAL_S = 44, /* time constant of a motor winding's warming, s */
 };
-#define PROTO_PARAMETER_COUNT 39u
+#define PROTO_PARAMETER_COUNT 45u
 struct proto_parameter_info {
     const char *name;
     const char *unit;

@@ -299,7 +299,7 @@ def page(panel: str) -> str:
 def _verdicts(lines: list[dict[str, object]]) -> str:
     before = lines[0]["before"] if lines else []
     assert isinstance(before, list)
-    return "; verdicts with the constants as they are: " + ", ".join(map(str, before)) if before else ""
+    return "; verdicts as they are: " + ", ".join(map(str, before)) if before else ""
 
 
 def _row(constant: Constant, marks: list[str]) -> str:

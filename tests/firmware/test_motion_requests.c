@@ -50,7 +50,7 @@ static void bad_live_commands_leave_the_wheels_as_they_were(void)
 {
     check_bad_live_commands(0, 0);
     fixture_set_effort(0.25f, -0.4f);
-    fixture_run(1);
+    fixture_run(4);
     check_bad_live_commands(2500, -4000);
     TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_LIVE, fixture_status().state);
 }
@@ -69,6 +69,23 @@ static void limits_of_live_commands_are_the_parameters(void)
     fixture_expect_accepted();
     fixture_run(300);
     TEST_ASSERT_TRUE(fixture.board.effort_e4[0] <= 5000);
+}
+
+static void effort_changes_by_no_more_than_its_limit_in_a_tick(void)
+{
+    const int16_t expected_e4[] = {1000, 2000, 3000, 3500, 3500, 2500, 1500, 500, -500, -1000, -1000};
+    for (size_t i = 0; i < sizeof expected_e4 / sizeof expected_e4[0]; i++) {
+        fixture_set_effort(i < 5 ? 0.35f : -0.1f, 0.0f);
+        fixture_run(1);
+        TEST_ASSERT_EQUAL_INT16(expected_e4[i], fixture.board.effort_e4[0]);
+        TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[1]);
+    }
+    fixture_stop();
+    TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[0]);
+    fixture_run(1);
+    fixture_set_effort(0.35f, 0.0f);
+    fixture_run(1);
+    TEST_ASSERT_EQUAL_INT16(1000, fixture.board.effort_e4[0]); /* from the brake, not from before it */
 }
 
 static void live_commands_are_refused_while_a_sequence_runs(void)
@@ -217,6 +234,7 @@ int main(void)
     UNITY_BEGIN();
     RUN_TEST(bad_live_commands_leave_the_wheels_as_they_were);
     RUN_TEST(limits_of_live_commands_are_the_parameters);
+    RUN_TEST(effort_changes_by_no_more_than_its_limit_in_a_tick);
     RUN_TEST(live_commands_are_refused_while_a_sequence_runs);
     RUN_TEST(sequence_is_refused_while_the_host_drives);
     RUN_TEST(upload_is_refused_while_a_sequence_runs);

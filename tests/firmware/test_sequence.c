@@ -72,6 +72,7 @@ static void segments_change_at_their_exact_millisecond(void)
     const int16_t left[] = {1000, 2000, 3000, 0};
     const int16_t right[] = {-1000, -2000, -3000, 500};
     fixture.motors_turn = false;
+    fixture_set_parameter(PROTO_PARAMETER_EFFORT_MODE_SLEW_PER_S, 500.0f); /* each step within a tick */
     fixture_start(fixture_upload(segments, 4, 0));
     TEST_ASSERT_EQUAL_INT16(0, fixture.board.effort_e4[0]);
     for (size_t i = 0; i < 4; i++) {
@@ -147,11 +148,12 @@ static void row_at_a_step_tells_of_the_time_before_it(void)
     TEST_ASSERT_EQUAL_INT16(0, rows[20].effort_left); /* t = 1.000 s */
     TEST_ASSERT_EQUAL_INT16(0, rows[20].cmd_left);
     TEST_ASSERT_EQUAL_UINT16(0, rows[20].segment);
-    TEST_ASSERT_EQUAL_INT16(3500, rows[21].effort_left);
+    TEST_ASSERT_EQUAL_INT16(3410, rows[21].effort_left); /* 0.1, 0.2 and 0.3 on the way to 0.35 */
     TEST_ASSERT_EQUAL_INT16(3500, rows[21].cmd_left);
     TEST_ASSERT_EQUAL_UINT16(1, rows[21].segment);
     TEST_ASSERT_EQUAL_INT16(3500, rows[60].effort_left); /* t = 3.000 s */
-    TEST_ASSERT_EQUAL_INT16(5000, rows[61].effort_left);
+    TEST_ASSERT_EQUAL_INT16(4990, rows[61].effort_left);
+    TEST_ASSERT_EQUAL_INT16(5000, rows[62].effort_left);
     TEST_ASSERT_EQUAL_UINT8(PROTO_MODE_EFFORT, rows[61].mode);
     TEST_ASSERT_EQUAL_INT16(0, rows[180].effort_left);
     TEST_ASSERT_EQUAL_UINT16(4, rows[180].segment);
@@ -167,8 +169,8 @@ static void row_across_a_step_holds_the_mean_of_both_efforts(void)
     fixture_run(201);
     (void)fetch();
     TEST_ASSERT_EQUAL_INT(5, row_count);
-    TEST_ASSERT_EQUAL_INT16(1800, rows[3].effort_left); /* 10 ms of 0.1, 40 ms of 0.2 */
-    TEST_ASSERT_EQUAL_INT16(-2400, rows[3].effort_right);
+    TEST_ASSERT_EQUAL_INT16(1800, rows[3].effort_left);   /* 10 ms of 0.1, 40 ms of 0.2 */
+    TEST_ASSERT_EQUAL_INT16(-2340, rows[3].effort_right); /* 10 ms of 0, 0.1 and 0.2, 38 ms of 0.3 */
     TEST_ASSERT_EQUAL_INT16(2000, rows[4].effort_left);
 }
 

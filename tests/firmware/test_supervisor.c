@@ -93,7 +93,7 @@ static void cleared_fault_lets_the_host_drive_again(void)
     TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_IDLE, fixture_status().state);
     fixture_set_effort(0.3f, 0.3f);
     fixture_expect_accepted();
-    fixture_run(1);
+    fixture_run(3);
     TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
 }
 
@@ -290,16 +290,15 @@ static void start_is_refused_while_encoders_run_by_themselves(void)
     const uint32_t crc = fixture_upload(&two_seconds, 1, 0);
     fixture.motors_turn = false;
     for (int i = 0; i < 50; i++) {
-        fixture.board.sample.counts[0] += 7;
-        fixture.board.sample.counts[1] -= 7;
+        fixture.board.sample.counts[0] += 30; /* 5 m/s */
+        fixture.board.sample.counts[1] -= 30;
         fixture_run(1);
     }
+    const uint32_t both = PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE;
     fixture_ask_start(crc, 1);
-    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED,
-                           PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, both | PROTO_FAULT_OVERSPEED);
     fixture_set_effort(0.1f, 0.1f);
-    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED,
-                           PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, both | PROTO_FAULT_OVERSPEED);
     fixture_run(10);
     assert_braked();
 }
@@ -354,18 +353,21 @@ static void start_is_refused_while_the_wheels_still_coast(void)
     fixture_expect_accepted();
 }
 
-static void robot_pushed_by_hand_is_fit_again_when_it_stands(void)
+static void robot_that_rolls_while_it_is_braked_can_be_caught_and_begins_a_sequence_once_it_stands(void)
 {
     const uint32_t crc = fixture_upload(&two_seconds, 1, 0);
     fixture.motors_turn = false;
-    for (int i = 0; i < 300; i++) {
+    for (int i = 0; i < 3000; i++) {
         fixture.board.sample.counts[0] += 2;
         fixture_run(1);
     }
-    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE, fixture_status().faults_active);
-    TEST_ASSERT_EQUAL_HEX32(0, fixture_status().faults_latched);
-    fixture_run(WHEEL_SPEED_STILL_MS + 1);
     TEST_ASSERT_EQUAL_HEX32(0, fixture_status().faults_active);
+    fixture_ask_start(crc, 1);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE);
+    fixture_set_velocity(0.0f, 0.0f);
+    fixture_expect_accepted();
+    fixture_stop();
+    fixture_run(WHEEL_SPEED_STILL_MS + 1);
     fixture_ask_start(crc, 1);
     fixture_expect_accepted();
 }
@@ -420,6 +422,31 @@ static void start_is_refused_on_a_low_battery_at_the_first_reading(void)
     fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_LOW);
 }
 
+static void supply_that_rises_too_high_stops_the_wheels_and_must_fall_before_it_is_cleared(void)
+{
+    drive_live(300);
+    fixture.board.sample.battery_mv = 32100;
+    fixture_run(SUPERVISOR_BATTERY_HIGH_MS);
+    TEST_ASSERT_EQUAL_UINT8(PROTO_STATE_LIVE, fixture_status().state); /* one reading may be disturbed */
+    fixture_run(1);
+    assert_braked();
+    TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_BATTERY_HIGH, fixture_status().faults_latched);
+    fixture_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_HIGH);
+    fixture.board.sample.battery_mv = 32000;
+    fixture_run(1);
+    fixture_ask(PROTO_ID_CLEAR_FAULTS, NULL, 0);
+    fixture_expect_accepted();
+}
+
+static void start_is_refused_on_a_supply_that_is_too_high(void)
+{
+    fixture.board.sample.battery_mv = 33000;
+    fixture_run(1);
+    fixture_set_effort(0.1f, 0.1f);
+    fixture_expect_refused(PROTO_REFUSAL_REASON_SELF_CHECK_FAILED, PROTO_FAULT_BATTERY_HIGH);
+}
+
 static void battery_that_is_unread_stops_the_wheels(void)
 {
     drive_live(300);
@@ -470,14 +497,21 @@ static void number_that_is_none_brakes_in_the_same_tick_and_is_named(void)
         &robot->tuning.gains[1].forward.kv,
         &robot->tuning.gains[1].accel_limit_mps2,
         &robot->tuning.gains[1].effort_slew_per_s,
+        &robot->tuning.effort_slew_per_s,
         &robot->tuning.gains[1].effort_limit,
         &robot->tuning.metres_per_count,
         &robot->tuning.overspeed_mps,
         &robot->tuning.encoder_speed_max_mps,
         &robot->tuning.stall_effort,
         &robot->tuning.watch_ka[0],
+        &robot->tuning.thermal.limit_a2,
+        &robot->heat[1].heat_a2,
         &robot->watches[0].work,
         &robot->watches[0].energy,
+        &robot->watches[1].creep_m,
+        &robot->tuning.creep_mps[1],
+        &robot->tuning.watch_kv[1],
+        &robot->watches[1].borne,
     };
     for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++) {
         for (int infinite = 0; infinite < 2; infinite++) {
@@ -537,7 +571,7 @@ static void reversed_wiring_is_put_right_by_parameters(void)
     fixture_set_parameter(PROTO_PARAMETER_ENCODER_LEFT_REVERSED, 1.0f);
     fixture_set_parameter(PROTO_PARAMETER_MOTOR_RIGHT_REVERSED, 1.0f);
     fixture_set_effort(0.3f, 0.3f);
-    fixture_run(1);
+    fixture_run(3);
     TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]);
     TEST_ASSERT_EQUAL_INT16(-3000, fixture.board.effort_e4[1]);
     TEST_ASSERT_EQUAL_INT16(3000, fixture_status().effort_e4[1]);
@@ -602,11 +636,13 @@ int main(void)
     RUN_TEST(start_is_refused_without_a_battery_reading);
     RUN_TEST(everything_wrong_is_named_at_once);
     RUN_TEST(start_is_refused_while_the_wheels_still_coast);
-    RUN_TEST(robot_pushed_by_hand_is_fit_again_when_it_stands);
+    RUN_TEST(robot_that_rolls_while_it_is_braked_can_be_caught_and_begins_a_sequence_once_it_stands);
     RUN_TEST(slope_that_turns_braked_wheels_ends_no_drive);
     RUN_TEST(battery_that_stays_low_stops_the_wheels);
     RUN_TEST(low_battery_must_recover_by_the_hysteresis_before_it_is_cleared);
     RUN_TEST(start_is_refused_on_a_low_battery_at_the_first_reading);
+    RUN_TEST(supply_that_rises_too_high_stops_the_wheels_and_must_fall_before_it_is_cleared);
+    RUN_TEST(start_is_refused_on_a_supply_that_is_too_high);
     RUN_TEST(battery_that_is_unread_stops_the_wheels);
     RUN_TEST(overrun_of_the_control_loop_stops_a_drive);
     RUN_TEST(internal_oscillator_is_reported_and_does_not_keep_the_robot_from_driving);

@@ -5,7 +5,7 @@
 #include "fixture.h"
 #include "random.h"
 
-enum { STEPS = 4000000, STATES = 4 };
+enum { STEPS = 8000000, STATES = 4 };
 
 static bool edges[STATES][STATES];
 static uint32_t fault_seen; /* latched at some time */
@@ -88,7 +88,7 @@ static void upload_something(void)
     for (size_t i = 0; i < count; i++) {
         segments[i] = (struct proto_segment){
             .kind = (uint8_t)random_below(3),
-            .duration_ms = 1 + random_below(400),
+            .duration_ms = 1 + random_below(1200),
             .a = random_between(-0.8f, 0.8f),
             .b = random_between(-0.8f, 0.8f),
         };
@@ -137,7 +137,16 @@ static void command(void)
 static void break_or_mend(void)
 {
     const int wheel = (int)random_below(HAL_WHEELS);
-    switch (random_below(17)) {
+    switch (random_below(24)) {
+    case 18:
+        fixture.board.sample.supply_dip = true;
+        break;
+    case 15:
+        fixture.controller.robot.heat[wheel].heat_a2 = 10.0f;
+        break;
+    case 14:
+        fixture.board.sample.battery_mv = 36000;
+        break;
     case 0:
     case 9:
         fixture.board.sample.battery_mv = 8000;
@@ -161,6 +170,8 @@ static void break_or_mend(void)
         fixture.controller.robot.sequence.segments[0].duration_ms ^= 1u << random_below(8);
         break;
     case 7:
+    case 16:
+    case 17:
         fixture.motor[wheel].friction = 2.0; /* held */
         break;
     case 8:
@@ -181,6 +192,7 @@ static void break_or_mend(void)
     default:
         fixture.controller.robot.supervisor.store_damaged = false;
         fixture.board.emergency_switch_open = false;
+        fixture.board.sample.supply_dip = false;
         fixture.board.sample.battery_mv = 12000;
         fixture.board.sample.battery_valid = true;
         for (int i = 0; i < HAL_WHEELS; i++) {
@@ -193,6 +205,15 @@ static void break_or_mend(void)
     }
 }
 
+/* Or there is no thermal limit. */
+static void set_motors(void)
+{
+    fixture_set_parameter(PROTO_PARAMETER_MOTOR_RESISTANCE_OHM, 6.0f);
+    fixture_set_parameter(PROTO_PARAMETER_MOTOR_EMF_VS_PER_M, 7.0f);
+    fixture_set_parameter(PROTO_PARAMETER_MOTOR_CONTINUOUS_A, 3.0f);
+    fixture_set_parameter(PROTO_PARAMETER_MOTOR_THERMAL_S, 10.0f);
+}
+
 /* Occasionally the board restarts, with every possible reset cause. */
 static void start_anew(void)
 {
@@ -200,10 +221,12 @@ static void start_anew(void)
     struct hal_identity *const identity = &fixture.board.identity;
     identity->reset_cause = causes[random_below(sizeof causes)];
     identity->program_fault = random_below(4) == 0;
+    identity->brown_out_reset = random_below(4) != 0;
     identity->was_moving = fixture.board.moving;
     identity->clock_fallback = random_below(4) == 0;
     controller_init(&fixture.controller);
     TEST_ASSERT_FALSE(fixture.controller.robot.supervisor.armed);
+    set_motors();
     fixture_arm();
     note_edge(state());
     assert_safe();
@@ -211,10 +234,11 @@ static void start_anew(void)
 
 static void run(void)
 {
-    random_seed(2026);
+    random_seed(1);
     fixture_power_up();
+    set_motors();
     for (int step = 0; step < STEPS; step++) {
-        if (random_below(120) == 0) {
+        if (random_below(160) == 0) {
             command();
         }
         if (random_below(200) == 0) {

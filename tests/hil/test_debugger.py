@@ -2,25 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 
 from hil_sim import VirtualRobot
+from support.driving import BRAKE
 from truing.board.device import Device
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
 from truing.plan import Kind, Plan, Segment
-
-BRAKE = ((1.0, 1.0), (1.0, 1.0))
-
-
-@pytest.fixture
-def robot(image: Path, native_library: Path) -> Iterator[VirtualRobot]:
-    with VirtualRobot(image) as fresh:
-        fresh.run_us(300_000)
-        yield fresh
 
 
 @pytest.mark.parametrize("effort", [1.0, -1.0, 0.3])

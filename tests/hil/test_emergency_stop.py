@@ -3,34 +3,14 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
 from hil_sim import VirtualRobot
-from truing.board.device import Device
+from support.driving import BRAKE, bridges, host
 from truing.errors import Refused
-from truing.link.client import Client
-from truing.link.virtual_stream import VirtualStream
 
 UNDEFINED = struct.pack("<H", 0xDE00)  # udf #0
-BRAKE = ((1.0, 1.0), (1.0, 1.0))
-
-
-@pytest.fixture
-def robot(image: Path, native_library: Path) -> Iterator[VirtualRobot]:
-    with VirtualRobot(image) as fresh:
-        fresh.run_us(300_000)
-        yield fresh
-
-
-def host(robot: VirtualRobot) -> Device:
-    return Device(Client(VirtualStream(robot)))
-
-
-def bridges(robot: VirtualRobot) -> tuple[tuple[float, float], tuple[float, float]]:
-    return robot.bridge(0), robot.bridge(1)
 
 
 @pytest.mark.parametrize("at_us", range(0, 1000, 130))

@@ -14,6 +14,7 @@ import truing_protocol as tp
 from hil_sim import VirtualRobot
 from hil_sim.plant import RobotParameters
 from hil_sim.robot import EncoderFault, ResetCause
+from support.driving import BRAKE
 from support.image_variable import member_offset
 from truing.board.device import Device
 from truing.errors import Refused
@@ -21,7 +22,6 @@ from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
 from truing.plan import Kind, Plan, Segment, built_in_names, load_plan
 
-BRAKE = ((1.0, 1.0), (1.0, 1.0))
 LEFT, RIGHT = 0, 1
 
 

@@ -6,7 +6,7 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -31,13 +31,6 @@ class Hand:
 
     def turn(self, side: int) -> None:
         self.robot.turn_by_hand(side)
-
-
-@pytest.fixture
-def robot(image: Path, native_library: Path) -> Iterator[VirtualRobot]:
-    with VirtualRobot(image) as fresh:
-        fresh.run_us(300_000)
-        yield fresh
 
 
 def check(robot: VirtualRobot, device: Device | None = None) -> CheckResult:

@@ -69,6 +69,7 @@ def test_the_rom_loader_takes_the_image_and_the_board_starts_it_with_its_paramet
         done = flash("--with", "stm32flash", "--port", loader.path, path=rom_path)
         assert done.returncode == 0, done.stderr
         assert "written and verified" in done.stdout
+        assert "leaves the option bytes as they are" in done.stderr
         assert held(loader.flash, whole)
         assert loader.flash[KEPT] == PARAMETERS
         assert set(loader.erased) == {0, 3, 4}
@@ -131,6 +132,27 @@ def test_a_probe_writes_reads_back_and_leaves_the_parameters(tmp_path: Path, who
     assert done.returncode == 0, done.stderr
     assert held(memory.read_bytes(), whole)
     assert memory.read_bytes()[KEPT] == PARAMETERS
+
+
+@pytest.mark.parametrize("tool", ["openocd", "st-flash"])
+@pytest.mark.parametrize(
+    ("before", "after", "said"),
+    [
+        (0x0FFF_AAEC, 0x0FFF_AAE0, "set to its highest level"),
+        (0x0FF0_AA44, 0x0FF0_AA40, "set to its highest level"),
+        (0x0FFF_AAE0, 0x0FFF_AAE0, "at its highest level already"),
+        (0x0FFF_55EC, 0x0FFF_55EC, "left as it is, since the chip is read protected"),
+    ],
+    ids=["factory", "others kept", "set already", "protected"],
+)
+def test_a_probe_sets_the_brown_out_reset_and_no_other_option_byte(
+    tmp_path: Path, tool: str, before: int, after: int, said: str
+) -> None:
+    fake_probe.install(tmp_path, option_bytes=before)
+    done = flash("--with", tool, path=f"{tmp_path}:{os.environ['PATH']}")
+    assert done.returncode == 0, done.stderr
+    assert said in done.stderr
+    assert fake_probe.option_bytes(tmp_path) == after
 
 
 @pytest.mark.parametrize("tool", ["openocd", "st-flash"])

@@ -10,25 +10,20 @@ import pytest
 
 import truing_protocol as tp
 from hil_sim import VirtualRobot
+from support.driving import BRAKE, host
 from truing.board.device import Device
 from truing.errors import Refused
-from truing.link.client import Client
 from truing.link.framing import Frame, encode
-from truing.link.virtual_stream import VirtualStream
 from truing.plan import Kind, Plan, Segment
 
-BRAKE = ((1.0, 1.0), (1.0, 1.0))
 OFF = ((-1.0, -1.0), (-1.0, -1.0))  # not driven: between a reset and the first instructions
 BAR_MS = 50.0
 ENDLESS = struct.pack("<H", 0xE7FE)  # b .
 UNDEFINED = struct.pack("<H", 0xDE00)  # udf #0
 BROKEN = ("battery_update", "fault_entry", "log_feed_drain")
 EXTI4 = 10
+RECEIVE_RING = 4096  # bytes
 SLOWEST_HZ, NOMINAL_HZ, FASTEST_HZ = 17_000, 32_000, 47_000  # datasheet DocID022152, section 5.3.9
-
-
-def host(robot: VirtualRobot) -> Device:
-    return Device(Client(VirtualStream(robot)))
 
 
 @pytest.fixture
@@ -197,3 +192,25 @@ def test_a_stop_brakes_within_2_ms_whatever_the_main_loop_does(
         robot.run_us(50)
         assert robot.time_us - began < 2_000
     print(f"stop: {(robot.time_us - began) / 1000:.2f} ms from its first bit")
+
+
+@pytest.mark.parametrize("until_end", [1, 3, 5, 8])
+def test_a_stop_that_goes_round_the_end_of_the_receive_ring_is_heard(
+    robot: VirtualRobot, until_end: int
+) -> None:
+    robot.run_us(300_000)
+    device = host(robot)
+    in_sequence(device)
+    robot.run_us(200_000)
+    (head,) = struct.unpack("<I", robot.read_memory(robot.symbol("rx_head")[0], 4))
+    device.client.stream.write(bytes([1]) * (RECEIVE_RING - until_end - 1 - head % RECEIVE_RING) + b"\0")
+    robot.run_us(60_000)
+    hang_main_loop(robot)
+    robot.run_us(1_500)
+    assert not safe(robot)
+    stop = encode(Frame(tp.StopRequest.ID, 77, b""))
+    device.client.stream.write(stop)
+    robot.run_us(2_000)
+    assert safe(robot)
+    (head,) = struct.unpack("<I", robot.read_memory(robot.symbol("rx_head")[0], 4))
+    assert head % RECEIVE_RING == len(stop) - until_end

@@ -13,6 +13,7 @@ import pytest
 
 import truing_protocol as tp
 from hil_sim import ResetCause
+from support.driving import BRAKE
 from support.store_board import BOOT_US, SLOT_SIZE, StoreBoard, generation, put_values, values_of
 from truing.board.device import Device, parameter_info
 from truing.errors import Refused
@@ -20,7 +21,6 @@ from truing.link.client import Client
 from truing.link.framing import Frame, encode
 from truing.link.refusals import faults_in
 
-BRAKE = ((1.0, 1.0), (1.0, 1.0))
 WHEELBASE = parameter_info("wheelbase_m").index
 
 

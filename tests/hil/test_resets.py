@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import pytest
 
 import truing_protocol as tp
 from hil_sim import VirtualRobot
 from hil_sim.robot import ResetCause
-from truing.board.device import Device
+from support.driving import BRAKE, NOT_DRIVEN, host
 from truing.errors import BoardRebooted, Refused
 from truing.link.client import Client
-from truing.link.virtual_stream import VirtualStream
 from truing.plan import Kind, Plan, Segment
 
-BRAKE = ((1.0, 1.0), (1.0, 1.0))
-NOT_DRIVEN = ((-1.0, -1.0), (-1.0, -1.0))
 NAMED = [
     (ResetCause.BROWNOUT, "brown_out"),
     (ResetCause.PIN, "unexpected_reset"),
@@ -25,17 +19,6 @@ NAMED = [
     (ResetCause.WATCHDOG, "watchdog_reset"),
 ]
 IDS = [f"{cause.name}".lower() for cause, _ in NAMED]
-
-
-@pytest.fixture
-def robot(image: Path, native_library: Path) -> Iterator[VirtualRobot]:
-    with VirtualRobot(image) as fresh:
-        fresh.run_us(300_000)
-        yield fresh
-
-
-def host(robot: VirtualRobot) -> Device:
-    return Device(Client(VirtualStream(robot)))
 
 
 def stream_set_points(robot: VirtualRobot, client: Client, seconds: float) -> set[str]:

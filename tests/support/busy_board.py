@@ -12,10 +12,10 @@ from pathlib import Path
 import truing_protocol as tp
 from hil_sim import CanFrame, VirtualCanBus, VirtualRobot
 from hil_sim.robot import EncoderFault, ExceptionCost
+from support.driving import BRAKE
 from truing.link.client import Client
 from truing.link.virtual_stream import VirtualStream
 
-BRAKED = ((1.0, 1.0), (1.0, 1.0))
 SYSTICK = 15
 CHUNK = 1020
 BYTES_AHEAD = 400  # 4 ms of the line
@@ -140,7 +140,7 @@ def _stack_seen(robot: VirtualRobot) -> int:
 def measure(image: Path) -> Costs:
     """Power up, rest, drive with the line full both ways, and end it by a fault."""
     with VirtualRobot(image) as robot:
-        while (robot.bridge(0), robot.bridge(1)) != BRAKED:
+        while (robot.bridge(0), robot.bridge(1)) != BRAKE:
             robot.run_us(10)
         braked_us = robot.time_us
         client = Client(VirtualStream(robot))
@@ -166,6 +166,8 @@ def measure(image: Path) -> Costs:
         robot.set_encoder_fault(0, EncoderFault.UNPLUGGED)
         robot.run_us(500_000)
         assert client.request(tp.StatusRequest()).state == tp.State.STOPPED
+        robot.set_supply(2.9)
+        robot.run_us(2_000)
         return Costs(
             braked_us,
             answers_us,

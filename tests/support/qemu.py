@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import subprocess
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 
@@ -12,10 +13,28 @@ from support.gdb_stub import GdbStub
 from truing.link.client import Client, Timing
 from truing.link.tcp_stream import TcpStream
 
-# QEMU's model is of another board with the same chip. USART3, our link, is its third serial port.
-_MACHINE = ("qemu-system-arm", "-M", "netduinoplus2", "-display", "none", "-monitor", "stdio")
+# USART3, our link, is the third serial port of QEMU's models of the chip.
+_OPTIONS = ("-display", "none", "-monitor", "stdio")
 _OTHER_PORTS = ("-serial", "null", "-serial", "null")
 _QUIT_S = 5.0
+
+
+@dataclass(frozen=True)
+class Model:
+    """A board with the STM32F405 that a QEMU has."""
+
+    program: str
+    machine: str
+
+
+NETDUINO = Model("qemu-system-arm", "netduinoplus2")
+"""Another board with the same chip, in Debian 12's QEMU 7.2."""
+
+OLIMEX = Model(
+    str(Path(__file__).resolve().parents[2] / ".cache/qemu-10/root/usr/bin/qemu-system-arm"),
+    "olimex-stm32-h405",
+)
+"""The board that the image is made for, in the QEMU 10 that `./run test` unpacks from Debian's backports."""
 
 
 def _listening(name: str, server: socket.socket) -> str:
@@ -29,14 +48,15 @@ class Qemu:
     Parameters
     ----------
     image : the ELF file that is flashed.
+    model : the board.
     """
 
-    def __init__(self, image: Path) -> None:
+    def __init__(self, image: Path, model: Model = NETDUINO) -> None:
         # QEMU inherits sockets that already listen: nobody can take their ports in between.
         with socket.create_server(("127.0.0.1", 0)) as link, socket.create_server(("127.0.0.1", 0)) as gdb:
             self.port: int = link.getsockname()[1]
             self._gdb_port: int = gdb.getsockname()[1]
-            arguments = [*_MACHINE, "-kernel", str(image), *_OTHER_PORTS]
+            arguments = [model.program, "-M", model.machine, *_OPTIONS, "-kernel", str(image), *_OTHER_PORTS]
             arguments += ["-chardev", _listening("link", link), "-serial", "chardev:link"]
             arguments += ["-chardev", _listening("gdb", gdb), "-gdb", "chardev:gdb"]
             self._process = subprocess.Popen(

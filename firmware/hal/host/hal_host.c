@@ -19,6 +19,7 @@ void hal_host_init(struct hal_host *board)
     board->identity.reset_cause =
         0x0E; /* power-on, pin and brown-out flags, as after connecting the supply */
     board->identity.boot_id = 1;
+    board->identity.brown_out_reset = true;
     board->line_room = SIZE_MAX;
     board->can_room = SIZE_MAX;
     memset(board->store, 0xFF, sizeof board->store);
@@ -121,12 +122,12 @@ size_t hal_link_read(uint8_t *out, size_t capacity)
     return taken;
 }
 
-size_t hal_link_peek(uint8_t *out, size_t capacity)
+size_t hal_link_peek(const uint8_t **bytes)
 {
-    const size_t taken = min_size(capacity, current->received_length - current->peeked_at);
-    memcpy(out, current->received + current->peeked_at, taken);
-    current->peeked_at += taken;
-    return taken;
+    const size_t count = current->received_length - current->peeked_at;
+    *bytes = current->received + current->peeked_at;
+    current->peeked_at += count;
+    return count;
 }
 
 size_t hal_link_write(const uint8_t *data, size_t length)

@@ -31,6 +31,12 @@ _BUFFER_SIZE = 4096
 _MAX_PPM = 500.0
 _FLASH = range(0x08000000, 0x08100000)
 
+FACTORY_OPTION_BYTES = 0x0FFFAAEC
+"""Option bytes of a new chip: the brown-out reset is off."""
+
+OPTION_BYTES = 0x0FFFAAE0
+"""Those that `truing flash` leaves: brown-out reset at level 3."""
+
 
 class VirtualRobotError(RuntimeError):
     """A virtual robot that cannot be made, or a request that it cannot fulfil."""
@@ -55,6 +61,16 @@ class EncoderFault(enum.IntEnum):
     REVERSED = _CONSTANTS["RIG_ENCODER_REVERSED"]
     PHASE_A_DROPPED = _CONSTANTS["RIG_ENCODER_PHASE_A"]
     PHASE_B_DROPPED = _CONSTANTS["RIG_ENCODER_PHASE_B"]
+
+
+class Phase(enum.IntEnum):
+    """What a virtual board's process is busy with."""
+
+    OUTSIDE = _CONSTANTS["BOARD_OUTSIDE"]
+    CODE = _CONSTANTS["BOARD_CODE"]
+    INTERRUPTS = _CONSTANTS["BOARD_INTERRUPTS"]
+    PERIPHERALS = _CONSTANTS["BOARD_PERIPHERALS"]
+    PLANT = _CONSTANTS["BOARD_PLANT"]
 
 
 @native.mirror("board_cost")
@@ -105,6 +121,7 @@ class VirtualRobot(Simulated):
     board_id : the chip's 12-byte unique id.
     crystal : whether the 8 MHz crystal starts.
     crystal_ppm : how much faster than 8 MHz it is, in steps of 0.125; within 500 either way.
+    option_bytes : FLASH_OPTCR as the chip loads it, without its lock.
     connected : False leaves the board alone on the bench: no motors, encoders or battery.
     library : another build of the native library.
 
@@ -129,6 +146,7 @@ class VirtualRobot(Simulated):
         crystal: bool = True,
         crystal_ppm: float = 0.0,
         connected: bool = True,
+        option_bytes: int = OPTION_BYTES,
         library: Path | None = None,
     ) -> None:
         self._rig: int | None = None
@@ -153,6 +171,7 @@ class VirtualRobot(Simulated):
             if not (fits and self._library.rig_flash(self._rig, address, content, len(content))):
                 raise VirtualRobotError(f"{image} wants to be loaded to 0x{address:08X}, which is not flash")
         self._library.rig_crystal_ppm(self._rig, crystal_ppm)
+        self._library.board_set_option_bytes(self._board, option_bytes)
         self._library.rig_power(self._rig, True)
 
     def close(self) -> None:
@@ -197,6 +216,10 @@ class VirtualRobot(Simulated):
         while (n := int(self._library.rig_link_read(self._rig, self._buffer, _BUFFER_SIZE))) > 0:
             received += ctypes.string_at(self._buffer, n)
         return received
+
+    def phase(self) -> Phase:
+        """Return what the board is busy with, for a profiler in another thread; `OUTSIDE` between calls."""
+        return Phase(self._library.rig_phase(self._rig))
 
     def link_pending(self) -> int:
         """Return how many bytes to the board are still on the line."""
@@ -343,6 +366,10 @@ class VirtualRobot(Simulated):
         """Break or mend the divider's wire: the ADC then reads 0 V while the motors keep their supply."""
         self._library.rig_battery_sense_connected(self._rig, connected)
 
+    def set_battery_cut_off(self, cut_off: bool) -> None:
+        """Cut the battery off, as a fuse does: 470 uF then supply the bridges, and take their energy."""
+        self._library.rig_cut_off_battery(self._rig, cut_off)
+
     def set_bench_voltage(self, volts: float | None) -> None:
         """Connect the divider to a bench supply instead of the battery; None: the battery again."""
         self._library.rig_bench_voltage(self._rig, -1.0 if volts is None else volts)
@@ -359,6 +386,14 @@ class VirtualRobot(Simulated):
     def set_power(self, on: bool) -> None:
         """Switch the board's supply; SRAM is noise after each power-on, flash keeps its content."""
         self._library.rig_power(self._rig, on)
+
+    def set_supply(self, volts: float) -> None:
+        """Set the chip's own supply, 3.3 V at first; SRAM is noise after less than 1.2 V."""
+        self._library.board_set_supply(self._board, volts)
+
+    def option_bytes(self) -> int:
+        """Return the option bytes as the chip stores them, in the form of FLASH_OPTCR without its lock."""
+        return int(self._library.board_option_bytes(self._board))
 
     def power_cycle(self) -> None:
         """Switch the board off and on again."""

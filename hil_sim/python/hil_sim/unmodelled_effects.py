@@ -133,6 +133,29 @@ class DisturbanceEffects:
     resting_mps: float = 0.0
 
 
+@dataclass(frozen=True)
+class IntermittentEffects:
+    """What acts for some time only, in runs that begin when both wheels are let go."""
+
+    carpet_nm: Pair = (0.0, 0.0)
+    carpet_from_s: float = 0.0
+    carpet_room_s: float = 0.0
+    carpet_for_s: float = 0.0
+    carpet_from_m: float = 0.0
+    carpet_for_m: float = 0.0
+    push_n: Pair = (0.0, 0.0)
+    push_share: float = 0.0
+    push_from_s: float = 0.0
+    push_room_s: float = 0.0
+    push_for_s: float = 0.0
+    bind_nm: Pair = (0.0, 0.0)
+    bind_every_s: float = 0.0
+    bind_for_s: float = 0.0
+    knock_n: Pair = (0.0, 0.0)
+    knock_every_s: float = 0.0
+    knock_for_s: float = 0.0
+
+
 @native.mirror("plant_unmodelled_effects")
 @dataclass(frozen=True)
 class UnmodelledEffects:
@@ -149,6 +172,7 @@ class UnmodelledEffects:
     creep: CreepEffects = field(default_factory=CreepEffects)
     payload: PayloadEffects = field(default_factory=PayloadEffects)
     disturbance: DisturbanceEffects = field(default_factory=DisturbanceEffects)
+    intermittent: IntermittentEffects = field(default_factory=IntermittentEffects)
 
     def changed(self, **values: float | Pair) -> UnmodelledEffects:
         """A copy with some values changed, named by path with `__` for the dot.

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 import click
 
 from truing.cli.app import App
 from truing.cli.options import board_options
+
+if TYPE_CHECKING:
+    from truing.board.device import Device
 
 
 @click.command()
@@ -21,6 +25,7 @@ def command(app: App) -> None:
     """
     with app.open_device() as device:
         info, status, record = device.info, device.status(), device.fault_record()
+        limit = _thermal_limit(device)
     app.emit({"board": asdict(info), "status": status.to_dict(), "fault_record": record and asdict(record)})
     battery = "not measured" if status.battery_v is None else f"{status.battery_v:.2f} V"
     app.say(f"{info.board_name}, firmware {info.firmware_version}, on {info.port}")
@@ -34,6 +39,7 @@ def command(app: App) -> None:
     )
     app.say(f"  state         {status.state.name.lower()}; sequence {status.sequence_state.name.lower()}")
     app.say(f"  supply        {battery}")
+    app.say(f"  motors        {limit}")
     app.say(f"  encoders      left {status.counts[0]}, right {status.counts[1]} counts since start-up")
     app.say(f"  effort        left {status.effort[0]:+.4f}, right {status.effort[1]:+.4f}")
     app.say(f"  speed         left {status.speed_mps[0]:+.3f}, right {status.speed_mps[1]:+.3f} m/s")
@@ -48,3 +54,11 @@ def command(app: App) -> None:
         app.say(f"    next:       {fault.next_step}")
     for number, line in enumerate(record.lines() if record else []):
         app.say(("  fault record  " if number == 0 else "                ") + line)
+
+
+def _thermal_limit(device: Device) -> str:
+    names = ("motor_resistance_ohm", "motor_continuous_a")
+    resistance_ohm, current_a = (float(device.get_parameter(name).value) for name in names)
+    if resistance_ohm > 0 and current_a > 0:
+        return f"thermal limit: {current_a:g} A for ever"
+    return f"no thermal limit: {' and '.join(names)} are not both known"

@@ -16,6 +16,10 @@ from truing.flash.image import Part
 
 LOGGER = logging.getLogger("truing.flash")
 TIMEOUT_S = 180.0
+# RM0090 3.9.3 and 3.9.10.
+_OPTKEYR, _OPTCR = 0x4002_3C08, 0x4002_3C14
+_OPTION_KEYS = (0x0819_2A3B, 0x4C5D_6E7F)
+_OPTLOCK, _OPTSTRT = 1, 2
 _SEE_LOG = "`truing -vv flash` shows all that the tool says"
 _PROBE_NEXT = "plug the probe in (SWDIO, SWCLK, ground, NRST); `--with stm32flash` needs none"
 _CHIP_NEXT = "is the board powered, and are SWDIO, SWCLK, ground and NRST connected?"
@@ -76,6 +80,14 @@ class Tool(ABC):
     def read(self, address: int, size: int) -> bytes:
         """Read flash."""
 
+    def option_bytes(self) -> int | None:
+        """FLASH_OPTCR (RM0090 3.9.10); None: the tool does not reach it."""
+        return None
+
+    def set_option_bytes(self, value: int) -> None:
+        """Store the option bytes; `value` as FLASH_OPTCR, its lock and start bits zero."""
+        raise FlashError(f"{self.name} does not set option bytes ({value:#010x})")
+
     def start(self) -> None:  # noqa: B027 (the ROM loader is left by its user)
         """Let the new image run."""
 
@@ -116,12 +128,12 @@ class Tool(ABC):
         """The next step when it is missing."""
         return f"on Debian: apt-get install {cls.package}"
 
-    def found(self, pattern: str, said: str) -> int:
-        """The hexadecimal or decimal number that the pattern's group matches."""
+    def found(self, pattern: str, said: str, base: int = 0) -> int:
+        """The number that the pattern's group matches; base 0: hexadecimal with 0x, else decimal."""
         match = re.search(pattern, said)
         if match is None:
             raise FlashError(f"{self.name} does not tell which chip it sees", _SEE_LOG)
-        return int(match[1], 0)
+        return int(match[1], base)
 
 
 def _with_file(part: Part, folder: str) -> Path:
@@ -168,6 +180,21 @@ class OpenOcd(Tool):
             self._do(f"dump_image {{{path}}} 0x{address:08x} {size}")
             return path.read_bytes()
 
+    def option_bytes(self) -> int | None:
+        """The register itself."""
+        said = self._do(f'echo "options [format 0x%08x [mrw 0x{_OPTCR:08x}]]"')
+        return self.found(r"options (0x[0-9a-f]+)", said)
+
+    def set_option_bytes(self, value: int) -> None:
+        """Unlock, write, start, and lock again (RM0090 3.7.2); the start takes under a second."""
+        self._do(
+            *(f"mww 0x{_OPTKEYR:08x} 0x{key:08x}" for key in _OPTION_KEYS),
+            f"mww 0x{_OPTCR:08x} 0x{value:08x}",
+            f"mww 0x{_OPTCR:08x} 0x{value | _OPTSTRT:08x}",
+            "sleep 1000",
+            f"mww 0x{_OPTCR:08x} 0x{value | _OPTLOCK:08x}",
+        )
+
     def start(self) -> None:
         """A reset, with nothing that halts it."""
         self._do("reset run")
@@ -207,6 +234,15 @@ class StFlash(Tool):
             path = Path(folder) / "read.bin"
             self.run("st-flash", "read", str(path), f"0x{address:08x}", f"0x{size:x}")
             return path.read_bytes()
+
+    def option_bytes(self) -> int | None:
+        """The last line that `st-flash --area=option read` prints."""
+        said = self.run("st-flash", "--area=option", "read")
+        return self.found(r"(?:^|\n)(?:0x)?([0-9a-fA-F]{8})\s*$", said, 16)
+
+    def set_option_bytes(self, value: int) -> None:
+        """`st-flash --area=option write`, which unlocks, starts and locks by itself."""
+        self.run("st-flash", "--area=option", "write", f"0x{value:08x}")
 
     def start(self) -> None:
         """A reset."""

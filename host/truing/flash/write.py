@@ -24,6 +24,10 @@ _DEVICES = {
     0x449: "STM32F74x",
     0x450: "STM32H74x",
 }
+# FLASH_OPTCR, RM0090 3.9.10: level of the brown-out reset, 0 the highest; lock and start; read protection.
+_BOR_LEV = 3 << 2
+_OPTION_CONTROL = 3
+_NO_PROTECTION = 0xAA
 # Stack and start at address 0: a chip that starts from these locks up with its pins floating.
 _NO_PROGRAM = bytes(8)
 
@@ -74,7 +78,38 @@ def write_image(
         done += len(part.data)
         progress(done / image.size)
         say(f"0x{part.address:08x}: {len(part.data)} bytes written and read back")
+    say(_set_brown_out_reset(tool))
     tool.start()
+
+
+def _set_brown_out_reset(tool: Tool) -> str:
+    """Bring the brown-out reset to its highest level, above what flash needs; says what was done.
+
+    All other option bytes stay as they are, and a chip with read protection is left alone: a wrong byte there
+    could lock it for ever.
+
+    Raises
+    ------
+    FlashError : the chip does not hold what was set.
+    """
+    before = tool.option_bytes()
+    if before is None:
+        return (
+            f"{tool.name} leaves the option bytes as they are; `truing info` names brown_out_reset_off where "
+            "they leave the brown-out reset off, and a probe (openocd, st-flash) sets it"
+        )
+    if before & _BOR_LEV == 0:
+        return "brown-out reset: at its highest level already"
+    if before >> 8 & 0xFF != _NO_PROTECTION:
+        return "brown-out reset: left as it is, since the chip is read protected"
+    tool.set_option_bytes(before & ~(_BOR_LEV | _OPTION_CONTROL))
+    held = tool.option_bytes()
+    if held is None or (held ^ before) & ~_OPTION_CONTROL != before & _BOR_LEV:
+        raise FlashError(
+            "the chip's option bytes are not what was set",
+            "run it again; the image is written, and names brown_out_reset_off until they are",
+        )
+    return "brown-out reset: set to its highest level (2.83 V)"
 
 
 def _write_one(tool: Tool, part: Part) -> None:

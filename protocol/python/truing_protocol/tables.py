@@ -21,7 +21,7 @@ LOG_RECORD_VERSION: Final = 2
 CAN_HOST_TO_BOARD: Final = 0x600
 CAN_BOARD_TO_HOST: Final = 0x640
 CAN_NODES: Final = 0x3f
-SCHEMA_HASH: Final = 0xfb3149e1
+SCHEMA_HASH: Final = 0xb0e2106a
 REFUSAL_ID: Final = 0xff
 REPLY_BIT: Final = 0x80
 
@@ -95,6 +95,12 @@ PARAMETERS: Final[tuple[ParameterInfo, ...]] = (
     ParameterInfo(36, "can_bitrate_kbps", "kbit/s", ParameterKind.INTEGER, 100.0, 1000.0, 1000.0, "bit rate of the CAN bus, the same for all that share it; usual are 1000 and 500"),
     ParameterInfo(37, "can_status_hz", "Hz", ParameterKind.INTEGER, 0.0, 100.0, 10.0, "status broadcasts on the CAN bus per second; 0: none"),
     ParameterInfo(38, "heartbeat_timeout_s", "s", ParameterKind.REAL, 0.05, 10.0, 0.5, "time without a request of the host that started it after which a sequence stops, latched, unless it runs unattended"),
+    ParameterInfo(39, "effort_mode_slew_per_s", "effort/s", ParameterKind.REAL, 1.0, 500.0, 100.0, "effort mode: fastest change of effort; a stop is not delayed by it"),
+    ParameterInfo(40, "battery_high_v", "V", ParameterKind.REAL, 1.0, 60.0, 32.0, "supply above which the wheels stop; the board measures up to 36.3 V"),
+    ParameterInfo(41, "motor_resistance_ohm", "ohm", ParameterKind.REAL, 0.0, 1000.0, 0.0, "resistance of a motor's winding, leads and bridge; supply over stall current. 0: unknown, and the motors have no thermal limit"),
+    ParameterInfo(42, "motor_emf_vs_per_m", "V*s/m", ParameterKind.REAL, 0.0, 1000.0, 0.0, "a motor's back-EMF per wheel speed; 0: unknown, and the thermal limit takes every current for that of a standing wheel"),
+    ParameterInfo(43, "motor_continuous_a", "A", ParameterKind.REAL, 0.0, 100.0, 0.0, "current that a motor bears for ever; 0: unknown, and the motors have no thermal limit"),
+    ParameterInfo(44, "motor_thermal_s", "s", ParameterKind.REAL, 0.1, 10000.0, 20.0, "time constant of a motor winding's warming"),
 )
 
 FAULTS: Final[tuple[FaultInfo, ...]] = (
@@ -102,14 +108,14 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
         0,
         "encoder_left_implausible",
         True,
-        "the left encoder counts faster than the wheel can turn, or turns while both wheels are braked",
+        "the left encoder counts faster than the wheel can turn; or the wheel turns, and a sequence begins from rest",
         "check the left encoder's A, B and ground wires and the parameter counts_per_rev",
     ),
     FaultInfo(
         1,
         "encoder_right_implausible",
         True,
-        "the right encoder counts faster than the wheel can turn, or turns while both wheels are braked",
+        "the right encoder counts faster than the wheel can turn; or the wheel turns, and a sequence begins from rest",
         "check the right encoder's A, B and ground wires and the parameter counts_per_rev",
     ),
     FaultInfo(
@@ -186,14 +192,14 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
         12,
         "wheel_left_stalled",
         True,
-        "the left wheel turned and then stood under stall_effort: something holds it, or its encoder failed while it turned slowly",
+        "the left wheel turned and then stood under stall_effort, or hardly turns under half effort or more: something holds it, or its encoder failed",
         "free the wheel; if it turns by hand and its counts do not, check the left encoder",
     ),
     FaultInfo(
         13,
         "wheel_right_stalled",
         True,
-        "the right wheel turned and then stood under stall_effort: something holds it, or its encoder failed while it turned slowly",
+        "the right wheel turned and then stood under stall_effort, or hardly turns under half effort or more: something holds it, or its encoder failed",
         "free the wheel; if it turns by hand and its counts do not, check the right encoder",
     ),
     FaultInfo(
@@ -265,6 +271,41 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
         True,
         "the emergency stop is pressed, or has been since the faults were last cleared, or its wire is broken",
         "release the switch, then clear the fault; a robot without a switch has a jumper from PB12 to ground in its place",
+    ),
+    FaultInfo(
+        24,
+        "battery_high",
+        True,
+        "the supply rose above battery_high_v: braking motors returned energy that no battery took, or it is the wrong supply",
+        "check the battery's plug, fuse and protection circuit, and that the supply suits the robot; then clear the fault",
+    ),
+    FaultInfo(
+        25,
+        "motor_left_hot",
+        True,
+        "the left motor has been heated as by more than motor_continuous_a for ever: by the current that effort, supply and speed imply",
+        "let it cool for motor_thermal_s, and look for what it drives against; then clear the fault",
+    ),
+    FaultInfo(
+        26,
+        "motor_right_hot",
+        True,
+        "the right motor has been heated as by more than motor_continuous_a for ever: by the current that effort, supply and speed imply",
+        "let it cool for motor_thermal_s, and look for what it drives against; then clear the fault",
+    ),
+    FaultInfo(
+        27,
+        "supply_dip",
+        True,
+        "the board's own 3.3 V fell below 2.93 V for a moment: less would restart it",
+        "charge the battery, check plugs and wire sizes, and feed the logic apart from the motors; then clear the fault",
+    ),
+    FaultInfo(
+        28,
+        "brown_out_reset_off",
+        False,
+        "the chip's option bytes leave its brown-out reset off or too low: in a sag of its supply it may run on wrong instructions",
+        "`truing flash` sets the option bytes with the image; driving is possible meanwhile",
     ),
 )
 
