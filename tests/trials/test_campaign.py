@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from support.pretended_trials import pretended
 from truing.errors import TruingError
 from truing.trial.campaign import read_scores, run_campaign
 from truing.trial.figures import by_method, figures
@@ -14,25 +15,9 @@ from truing.trial.results import to_markdown
 from truing.trial.score import Score, judge
 
 TRIALS = 12
-
-
-def pretended(each: Task) -> Score:
-    """A trial whose verdict is always the truth, of a campaign that takes no time."""
-    families = {"none": "null", "pair": "two"}
-    family = families.get(each.effect, "outside" if each.weak is None else "one")
-    hidden = {"null": (), "two": ("input_delay", "turning_scrub")}.get(family, (each.effect,))
-    kind = {"null": "consistent", "outside": "unexplained"}.get(family, "missing_physics")
-    said = hidden if kind == "missing_physics" else ()
-    worth = judge(kind, said, family, hidden)
-    return Score(
-        effect=each.effect, seed=each.seed, weak=each.weak, family=family, hidden=hidden,
-        strengths=tuple(0.5 if each.weak else 2.0 for _ in hidden), driving="whole", on_board=each.on_board,
-        verdict=kind, said=said, named=worth.named, named_alone=worth.named_alone,
-        confidently_wrong=worth.confidently_wrong, right=worth.right,
-        place_right=True if family == "outside" else None, later=(), resolved=None, seconds=1.0, cpu_s=1.0,
-        building_cpu_s=1.0, scoring_cpu_s=1.0, sha256="", measured={"gap_closed": 0.95, "harm": 0.5},
-        methods={"guess": (False, True)},
-    )  # fmt: skip
+STRONG_RIGHT = "intermittent, S >= 2: `unexplained` or `partly_explained`"
+NOT_HEALTHY = "intermittent: not `consistent` nor `parameters_only`"
+BACKLASH = "gear backlash, S >= 2: named"
 
 
 def run_and_mark(each: Task, folder: Path) -> Score:
@@ -105,3 +90,42 @@ def test_a_false_positive_on_a_healthy_robot_counts_against_its_limit(right: int
     figure = next(each for each in figures(scores) if each.title == "nothing concealed: no false positive")
     assert figure.number == 100
     assert figure.met is met
+
+
+def of_kind(effect: str, family: str, strength: float, verdict: str, *said: str) -> Score:
+    """A trial of one effect with this strength and this verdict."""
+    worth = judge(verdict, said, family, (effect,))
+    values = pretended(tasks(1, 1)[0]).to_json() | {
+        "effect": effect, "family": family, "hidden": (effect,), "strengths": (strength,), "verdict": verdict,
+        "said": said, "right": worth.right, "named": worth.named, "place_right": True,
+    }  # fmt: skip
+    return Score.from_json(values)
+
+
+def test_what_acts_for_some_time_only_has_figures_of_its_own() -> None:
+    strong = [of_kind("knocks", "intermittent", 2.5, "unexplained") for _ in range(18)]
+    strong.append(of_kind("push", "intermittent", 2.0, "partly_explained", "input_delay"))
+    weak = [of_kind("push", "intermittent", 1.9, "ambiguous", "input_delay", "driver_lag")]
+    found = {each.title: each for each in figures([*strong, *weak])}
+    assert (found[STRONG_RIGHT].number, found[STRONG_RIGHT].value, found[STRONG_RIGHT].met) == (19, 1.0, True)
+    assert (found[NOT_HEALTHY].number, found[NOT_HEALTHY].met) == (20, True)
+    assert found["outside the catalogue: `unexplained`"].number == 0
+
+    missed = [of_kind("knocks", "intermittent", 1.1, "parameters_only")]
+    found = {each.title: each for each in figures([*strong, *weak, *missed])}
+    assert found[STRONG_RIGHT].met
+    assert found[NOT_HEALTHY].met is False
+    wrong = [of_kind("carpet_strip", "intermittent", 3.0, "missing_physics", "coulomb_friction")]
+    found = {each.title: each for each in figures([*strong[:18], *wrong])}
+    assert found[STRONG_RIGHT].met is False
+
+
+def test_gear_backlash_of_some_size_must_be_named() -> None:
+    named = [of_kind("gear_backlash", "one", 2.0, "ambiguous", "gear_backlash", "driver_deadband")] * 19
+    weaker = [of_kind("gear_backlash", "one", 1.9, "parameters_only")]
+    other = [of_kind("input_delay", "one", 4.0, "parameters_only")]
+    figure = next(each for each in figures([*named, *weaker, *other]) if each.title == BACKLASH)
+    assert (figure.number, figure.value, figure.met) == (19, 1.0, True)
+    missed = [of_kind("gear_backlash", "one", 6.0, "unexplained")] * 2
+    figure = next(each for each in figures([*named, *missed]) if each.title == BACKLASH)
+    assert (figure.number, figure.met) == (21, False)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from truing.trial.campaign import score
@@ -44,3 +45,18 @@ def test_nothing_is_named_on_a_healthy_robot(tmp_path: Path, native_library: Pat
     assert one.right
     assert one.measured["covered"] is None
     assert math.isfinite(one.measured["harm"])
+
+
+@pytest.mark.slow
+def test_knocks_are_scored_by_where_they_are(tmp_path: Path, native_library: Path) -> None:
+    one = trial("knocks", 3, tmp_path)
+    assert (one.family, one.hidden) == ("intermittent", ("knocks",))
+    assert one.strength >= 1.0
+    assert one.right
+    assert not one.named
+    assert one.measured["covered"] > 0.5
+    assert one.place_right
+    # A knock of some hundredths of a second leaves most of a run as it was.
+    with np.load(tmp_path / "judged" / "truth.npz") as truth:
+        energy = (truth["speed"] - truth["plain_speed"]) ** 2
+    assert np.sort(energy.ravel())[::-1].cumsum()[energy.size // 4] > 0.8 * energy.sum()

@@ -13,7 +13,7 @@ from truing.errors import BrokenSealError
 from truing.plan import load_plan
 from truing.recording.reader import read_recording_set
 from truing.trial.concealed import Asked, run_concealed
-from truing.trial.effects import CATALOGUE, OUTSIDE
+from truing.trial.effects import CATALOGUE, INTERMITTENT, OUTSIDE
 from truing.trial.figures import bounds
 from truing.trial.order import tasks
 from truing.trial.score import judge, judge_method
@@ -37,10 +37,11 @@ def test_a_seal_opens_with_its_own_answer_only() -> None:
     assert seal({"effects": []})[0] != shown
 
 
-def test_every_effect_of_the_catalogue_and_six_beyond_can_be_hidden_in_a_robot() -> None:
+def test_every_effect_of_the_catalogue_and_those_beyond_can_be_hidden_in_a_robot() -> None:
     assert len(CATALOGUE) == CATALOGUE_SIZE
-    assert len(OUTSIDE) >= 6
-    for effect in (*CATALOGUE.values(), *OUTSIDE.values()):
+    assert len(OUTSIDE) == 8
+    assert len(INTERMITTENT) == 4
+    for effect in (*CATALOGUE.values(), *OUTSIDE.values(), *INTERMITTENT.values()):
         trial = draw_trial(1, "outside" if effect.outside else "one", (effect.name,))
         parameters, _ = with_strengths(trial, (effect.start,)).build()
         assert parameters.problem() is None, effect.name
@@ -109,6 +110,11 @@ def test_verdicts_are_worth_what_the_bars_ask_for() -> None:
     assert judge("missing_physics", ("a",), "null", ()).confidently_wrong
     assert judge("unexplained", (), "outside", ("x",)).right
     assert judge("missing_physics", ("a",), "outside", ("x",)).confidently_wrong
+    assert judge("unexplained", (), "intermittent", ("push",)).right
+    assert judge("partly_explained", (), "intermittent", ("push",)).right
+    for kind in ("consistent", "parameters_only", "missing_physics", "ambiguous"):
+        assert not judge(kind, (), "intermittent", ("push",)).right
+    assert judge("partly_explained", ("a",), "intermittent", ("push",)).confidently_wrong
     assert judge_method(["a"], "one", ("a",)) == (True, False)
     assert judge_method(["a", "b"], "one", ("a",)) == (False, True)
     assert judge_method([], "null", ()) == (True, False)

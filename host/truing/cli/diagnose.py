@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import textwrap
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,8 +16,6 @@ from truing.cli.app import App, pass_app
 if TYPE_CHECKING:
     from truing.diagnose.present.text import Section
     from truing.recording.run import Wheel
-
-LINE_WIDTH = 100
 
 
 @click.command()
@@ -173,9 +170,7 @@ def _one_line_errors() -> Iterator[None]:
 
 def say_sections(app: App, sections: Iterable[Section]) -> None:
     """Print a diagnosis, wrapped at one width."""
-    for section in sections:
-        app.say(section.title)
-        for line in section.lines:
-            for part in textwrap.wrap(line, LINE_WIDTH, initial_indent="  ", subsequent_indent="    "):
-                app.say(part)
-        app.say()
+    from truing.diagnose.present.text import wrapped
+
+    for line in wrapped(sections):
+        app.say(line)

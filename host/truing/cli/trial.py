@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import TYPE_CHECKING
 
 import click
 
 from truing.cli.app import App, pass_app
 
-Block: TypeAlias = Literal["main", "last"]
+if TYPE_CHECKING:
+    from truing.trial.order import Block
 
 
 @click.command()
@@ -17,7 +18,8 @@ Block: TypeAlias = Literal["main", "last"]
     "--effect",
     default="random",
     show_default=True,
-    help="What to conceal: random, pair, several, outside, none, or effects by name, with commas between.",
+    help="What to conceal: random, pair, several, outside, intermittent, none, or effects by name, with "
+    "commas between.",
 )
 @click.option(
     "--seed", type=click.IntRange(0), default=1, show_default=True, help="Decides all that is drawn."
@@ -43,11 +45,12 @@ Block: TypeAlias = Literal["main", "last"]
 )
 @click.option(
     "--block",
-    type=click.Choice(["main", "last", "several"]),
+    type=click.Choice(["main", "last", "several", "intermittent", "backlash"]),
     default="main",
     show_default=True,
     help="Trials of a campaign: seeds of `last` are for one evaluation, after all tuning; `several` conceals "
-    "three and four effects at once.",
+    "three and four effects at once, `intermittent` what no catalogue has and acts for some time only, "
+    "`backlash` gear backlash.",
 )
 @click.option(
     "--minutes", type=click.FloatRange(0.0), help="A campaign begins no trial after so many minutes."

@@ -2,8 +2,8 @@
 
     python -m truing.diagnose.compile_ahead
 
-The machine code is kept in NUMBA_CACHE_DIR. `simulation/warm.py` compiles the simulation; the rest is
-compiled by a diagnosis of two small runs that have every signal.
+The machine code is kept (`truing.model.code_cache`). `simulation/warm.py` compiles the simulation; the rest
+is compiled by a diagnosis of two small runs that have every signal.
 """
 
 from __future__ import annotations

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from truing.diagnose.measured import Measured
-from truing.importers import import_file, is_foreign
-from truing.recording.baseline import read_baseline
-from truing.recording.reader import read_recording_set
+from truing.importers import ImportOptions, read_runs
 from truing.recording.run import RecordingSet, Wheel
 
 
@@ -41,8 +39,4 @@ class Options:
 
 def read_input(path: Path, model: Path | None) -> RecordingSet:
     """A recording set, a folder of CSV files, one CSV file, or a foreign file, with its baseline."""
-    if not is_foreign(path):
-        return read_recording_set(path, model)
-    imported = import_file(path)
-    baseline = None if model is None else read_baseline(model)
-    return RecordingSet(path.name.split(".")[0], imported.runs, baseline, path)
+    return read_runs(path, model, options=ImportOptions())

@@ -37,7 +37,7 @@ def is_disturbance(problem: Problem, done: Fit, remaining: Structure) -> BoolArr
     """
     data = problem.data
     residual = data.speed_mps - done.residual.speeds
-    moving = (problem.counted > 0.0) & (np.abs(data.speed_mps) > MOVING_SHARE * data.top_mps)
+    moving = moving_rows(problem)
     # A share that the runs do not agree on shows that their errors differ, not that they are unpredictable.
     predicted = np.maximum(remaining.share, 0.0) + remaining.error
     found = np.zeros(2, dtype=bool)
@@ -56,6 +56,12 @@ def is_disturbance(problem: Problem, done: Fit, remaining: Structure) -> BoolArr
             < MAX_PREDICTED
         )
     return found
+
+
+def moving_rows(problem: Problem) -> BoolArray:
+    """Counted rows in which each wheel moves, shape (n, 2)."""
+    data = problem.data
+    return np.asarray((problem.counted > 0.0) & (np.abs(data.speed_mps) > MOVING_SHARE * data.top_mps))
 
 
 def _times(data: SetData, rows: BoolArray) -> tuple[IntArray, IntArray]:

@@ -8,7 +8,7 @@ it the ambiguity (`--measured`).
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from truing.errors import IdentifyError
@@ -64,10 +64,8 @@ def with_measured(recordings: RecordingSet, measured: Sequence[Measured]) -> Rec
     """Recordings whose baseline has the measured numbers."""
     if not measured or recordings.baseline is None:
         return recordings
-    robot = recordings.baseline.robot or RobotGeometry()
     values: dict[str, Any] = {one.name: one.value for one in measured}
-    robot = replace(robot, **values)
-    return replace(recordings, baseline=replace(recordings.baseline, robot=robot))
+    return recordings.with_geometry(RobotGeometry(**values))
 
 
 def ruled_out(measured: Sequence[Measured]) -> frozenset[str]:

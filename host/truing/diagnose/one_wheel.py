@@ -12,12 +12,17 @@ from truing.recording.run import Wheel
 Value = TypeVar("Value")
 
 
+def without_wheel(values: Mapping[str, Value], other: Wheel) -> dict[str, Value]:
+    """The values whose names do not say that they are the other wheel's."""
+    return {name: value for name, value in values.items() if other not in name.split("_")}
+
+
 def of_one_wheel(diagnosis: Diagnosis, wheel: Wheel) -> Diagnosis:
     """The diagnosis without parameters, signals and findings of the other wheel, which was not looked at."""
     other: Wheel = "left" if wheel == "right" else "right"
 
     def kept(values: Mapping[str, Value]) -> dict[str, Value]:
-        return {name: value for name, value in values.items() if other not in name.split("_")}
+        return without_wheel(values, other)
 
     compensation = diagnosis.compensation
     if compensation is not None:

@@ -10,7 +10,8 @@ from typing import Any, Literal, TypeAlias
 from truing.arrays import FloatArray
 from truing.diagnose.data.traces import RunTraces
 from truing.plan import Plan
-from truing.recording.run import Wheel
+from truing.recording.frames import preformatted
+from truing.recording.run import RecordingSet, Wheel
 
 Verdict: TypeAlias = Literal[
     "consistent", "parameters_only", "missing_physics", "partly_explained", "ambiguous", "unexplained"
@@ -417,6 +418,8 @@ class Diagnosis:
     weakly_exercised : effects that they could have shown only if strong.
     explanations : those possible, best first (one under `missing_physics`); kept out of the JSON.
     traces : per run; kept out of the JSON.
+    recordings : what was diagnosed, with its baseline, where the result is to be exported from Python; kept
+        out of the JSON.
     """
 
     name: str
@@ -444,6 +447,15 @@ class Diagnosis:
     seconds: float = math.nan
     explanations: tuple[Explanation, ...] = field(default=(), repr=False)
     traces: tuple[RunTraces, ...] = field(default=(), repr=False)
+    recordings: RecordingSet | None = field(default=None, repr=False, compare=False)
+
+    def __str__(self) -> str:
+        from truing.diagnose.present.text import first_sections, wrapped
+
+        return "\n".join(wrapped(first_sections(self))).rstrip()
+
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
 
     def to_json(self) -> dict[str, Any]:
         """As docs/verdict.schema.json has it: plain lists, numbers and text only."""

@@ -16,6 +16,7 @@ from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.compare import SIGNIFICANT_GAIN
 from truing.diagnose.disturbance import is_disturbance
 from truing.diagnose.fit import Fit
+from truing.diagnose.intermittent import comes_and_goes
 from truing.diagnose.pairs import both_significant, needs_both_effects, second_effect_alternatives
 from truing.diagnose.problem import CLIP, MIN_NOISE_COUNTS, Problem
 from truing.diagnose.residual_tests import Structure, find_bursts, residual_structure
@@ -49,10 +50,11 @@ OVER_QUANTISATION = 1.2
 # looked for above the lower limit: the floor includes an allowance for slow disturbances.
 EXCESS_OF_FLOOR, SUSPECT_OF_FLOOR = 3.0, 0.5
 # Beside something unexplained, effects are named if they remove this share of the energy above the noise; or
-# this share of the RMS error on runs left out, and add to runs that they make worse at most the last share of
-# what they remove from others: an effect that imitates an unknown one does not hold in every run.
+# these shares of the RMS error on runs left out (one effect; several), and add to runs that they make worse
+# at most the last share of what they remove from others: an effect that imitates an unknown one does not hold
+# in every run, and several small ones together imitate more.
 MIN_EXPLAINED = 0.5
-MIN_UNSEEN_BENEFIT, MAX_UNSEEN_LOSS = 0.25, 0.02
+MIN_UNSEEN_BENEFIT, MIN_UNSEEN_BENEFIT_OF_SEVERAL, MAX_UNSEEN_LOSS = 0.15, 0.25, 0.02
 # More effects are looked for beside two that take away at least this share.
 MIN_EXPLAINED_BY_TWO = 0.4
 # Confidence in an explanation that is as good with one effect fewer.
@@ -129,7 +131,8 @@ def _is_named_beside_more(search: Search, best: Fit) -> bool:
     if not best.effects:
         return False
     unseen = UnseenRuns(search.problem)
-    return unseen.benefit(best, base) > MIN_UNSEEN_BENEFIT and unseen.loss_share(best, base) < MAX_UNSEEN_LOSS
+    needed = MIN_UNSEEN_BENEFIT if len(best.effects) == 1 else MIN_UNSEEN_BENEFIT_OF_SEVERAL
+    return unseen.benefit(best, base) > needed and unseen.loss_share(best, base) < MAX_UNSEEN_LOSS
 
 
 def leaves_something(search: Search, best: Fit, times_floor: float = EXCESS_OF_FLOOR) -> bool:
@@ -157,6 +160,7 @@ def _leaves_something(search: Search, best: Fit, remaining: Structure, times_flo
         has_residual_structure(remaining, best, base)
         or unexplained_exceeds_explained(search, remaining, best, base)
         or _exceeds_noise(search.problem, best, remaining, times_floor)
+        or bool(np.any(comes_and_goes(search.problem, best) & _is_above_quantisation(search.problem, best)))
     )
 
 
@@ -262,11 +266,13 @@ def above_quantisation(problem: Problem, best: Fit, remaining: Structure) -> Str
 
     Repeated runs repeat their quantisation errors, which makes these predictable.
     """
-    residual = problem.data.speed_mps - best.residual.speeds
-    weight = problem.counted
-    rms = np.sqrt((weight * residual**2).sum(axis=0) / np.maximum(weight.sum(axis=0), 1.0))
-    above = rms > OVER_QUANTISATION * MIN_NOISE_COUNTS * problem.data.resolution_mps
-    return replace(remaining, share=np.where(above, remaining.share, 0.0))
+    return replace(remaining, share=np.where(_is_above_quantisation(problem, best), remaining.share, 0.0))
+
+
+def _is_above_quantisation(problem: Problem, best: Fit) -> BoolArray:
+    """Whether each wheel's residual, shape (2,), is more than quantisation."""
+    limit = OVER_QUANTISATION * MIN_NOISE_COUNTS * problem.data.resolution_mps
+    return np.asarray(problem.rms_by_wheel(best.residual.speeds) > limit)
 
 
 def has_residual_structure(remaining: Structure, best: Fit, base: Fit) -> bool:

@@ -15,8 +15,7 @@ from truing.identify.held_out import folds, rms_by_run, simplest_good
 from truing.identify.model_error import FreeRunError, OneStepError, free_run_error, one_step_error
 from truing.identify.signals import WheelSignal, wheel_signal
 from truing.model.linear import ArxModel
-from truing.recording.baseline import Baseline
-from truing.recording.run import Run, Wheel
+from truing.recording.run import Geometry, Run, Wheel
 
 MAXIMUM_ALPHA = 4
 MAXIMUM_BETA = 8
@@ -60,7 +59,7 @@ class ArxFit:
 def fit_arx(
     runs: Sequence[Run],
     side: Wheel,
-    baseline: Baseline | None = None,
+    baseline: Geometry | None = None,
     *,
     alpha: int | None = None,
     beta: int | None = None,

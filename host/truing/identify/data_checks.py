@@ -9,8 +9,7 @@ import numpy as np
 
 from truing.arrays import BoolArray, FloatArray
 from truing.errors import IdentifyError
-from truing.recording.baseline import Baseline
-from truing.recording.run import MOTION_PAIRS, WHEELS, RecordingSet, Run, Wheel
+from truing.recording.run import MOTION_PAIRS, WHEELS, Geometry, RecordingSet, Run, Wheel
 
 # Beyond these it is not a robot: volts, microseconds or a damaged file.
 LARGEST_EFFORT = 1000.0
@@ -50,7 +49,7 @@ def refuse_absurd(recordings: RecordingSet) -> None:
     """Stop at numbers that no wheeled robot makes; arithmetic on them would only hide where they are."""
     for run in recordings:
         for wheel in WHEELS:
-            effort, speed = run.effort(wheel), run.speed(wheel, recordings.baseline)
+            effort, speed = run.effort(wheel), run.speed(wheel, recordings.robot)
             _refuse_beyond(run, wheel, f"effort_{wheel}", effort, LARGEST_EFFORT, "")
             column = f"speed from {MOTION_PAIRS[speed.source][WHEELS.index(wheel)]}"
             _refuse_beyond(run, wheel, column, speed.values, LARGEST_SPEED_MPS, " m/s")
@@ -75,9 +74,9 @@ def check_set(recordings: RecordingSet) -> tuple[Finding, ...]:
         found.extend(_check_time(run))
         for wheel in WHEELS:
             found.extend(_check_effort(run, wheel))
-            found.extend(_check_motion(run, wheel, recordings.baseline))
+            found.extend(_check_motion(run, wheel, recordings.robot))
             found.extend(_check_position(run, wheel))
-        found.extend(_check_sides(run, recordings.baseline))
+        found.extend(_check_sides(run, recordings.robot))
     return tuple(found)
 
 
@@ -115,7 +114,7 @@ def _check_effort(run: Run, wheel: Wheel) -> list[Finding]:
     return [Finding(run.name, text, wheel, "effort")]
 
 
-def _check_motion(run: Run, wheel: Wheel, baseline: Baseline | None) -> list[Finding]:
+def _check_motion(run: Run, wheel: Wheel, baseline: Geometry | None) -> list[Finding]:
     effort = run.effort(wheel)
     measured = run.speed(wheel, baseline)
     speed = measured.values
@@ -168,7 +167,7 @@ def _lasting(holds: BoolArray, rows: int) -> BoolArray:
     return np.asarray(index - last_false > rows)
 
 
-def _check_sides(run: Run, baseline: Baseline | None) -> list[Finding]:
+def _check_sides(run: Run, baseline: Geometry | None) -> list[Finding]:
     """One wheel much slower than the other under the same effort."""
     left, right = (run.speed(wheel, baseline).values for wheel in WHEELS)
     efforts = [run.effort(wheel) for wheel in WHEELS]

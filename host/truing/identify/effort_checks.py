@@ -8,8 +8,7 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.errors import RecordingError
-from truing.recording.baseline import Baseline
-from truing.recording.run import WHEELS, RecordingSet, Run, Wheel
+from truing.recording.run import WHEELS, Geometry, RecordingSet, Run, Wheel
 
 # A fraction of supply may overshoot 1 by rounding; volts and per cent do not stop there.
 MAX_EFFORT = 1.05
@@ -31,10 +30,10 @@ def refuse_efforts(recordings: RecordingSet) -> None:
     """
     for run in recordings:
         for wheel in WHEELS:
-            check_effort(run, wheel, recordings.baseline)
+            check_effort(run, wheel, recordings.robot)
 
 
-def check_effort(run: Run, wheel: Wheel, baseline: Baseline | None) -> None:
+def check_effort(run: Run, wheel: Wheel, baseline: Geometry | None) -> None:
     """Raise for volts, per cent or a mode in the place of one wheel's effort."""
     effort = run.effort(wheel)
     if looks_like_a_mode(run.t_s, effort, run.speed(wheel, baseline).values):

@@ -21,9 +21,8 @@ from truing.identify.identifiable import has_constant_efforts
 from truing.identify.output_error import PhysicsFit, fit_physics
 from truing.identify.signals import WheelSignal, wheel_signal
 from truing.identify.structures import DELAY
-from truing.recording.baseline import Baseline
 from truing.recording.effort_convention import SETTING
-from truing.recording.run import WHEELS, RecordingSet, Run, Wheel
+from truing.recording.run import WHEELS, Geometry, RecordingSet, Run, Wheel
 
 # Rows that are looked at: an offset shows in a few steps.
 MAX_ROWS = 3000
@@ -90,7 +89,7 @@ def effort_row(recordings: RecordingSet) -> EffortRow | None:
     Nor is it looked for where it is known: in the board's own log, and where steps of effort leave means
     between two levels, which only an interval that lies behind its row can hold.
     """
-    baseline = recordings.baseline
+    robot = recordings.robot
     if any(run.metadata is not None and run.metadata.firmware for run in recordings):
         return None
     for wheel in _most_moved_first(recordings):
@@ -99,8 +98,8 @@ def effort_row(recordings: RecordingSet) -> EffortRow | None:
         if steps < MIN_STEPS:
             continue
         try:
-            ahead = wheel_signal([_a_row_ahead(run, wheel) for run in runs], wheel, baseline)
-            as_recorded = wheel_signal(runs, wheel, baseline)
+            ahead = wheel_signal([_a_row_ahead(run, wheel) for run in runs], wheel, robot)
+            as_recorded = wheel_signal(runs, wheel, robot)
             driven = as_recorded.excitation
             if len(driven.pieces.effort) - len(driven.effort) >= max(MIN_MEANS, MEANS_SHARE * steps):
                 return None
@@ -159,10 +158,10 @@ def _steps(runs: Sequence[Run], wheel: Wheel) -> int:
 
 def _most_moved_first(recordings: RecordingSet) -> list[Wheel]:
     def moved(wheel: Wheel) -> float:
-        return max(_travelled(run, wheel, recordings.baseline) for run in recordings)
+        return max(_travelled(run, wheel, recordings.robot) for run in recordings)
 
     return sorted(WHEELS, key=moved, reverse=True)
 
 
-def _travelled(run: Run, wheel: Wheel, baseline: Baseline | None) -> float:
+def _travelled(run: Run, wheel: Wheel, baseline: Geometry | None) -> float:
     return float(np.abs(run.speed(wheel, baseline).values).mean())

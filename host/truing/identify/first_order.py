@@ -16,8 +16,7 @@ import numpy as np
 from truing.arrays import FloatArray
 from truing.identify.quantity import Quantity
 from truing.identify.uncertainty import half_widths
-from truing.recording.baseline import Baseline
-from truing.recording.run import Run, Wheel
+from truing.recording.run import Geometry, Run, Wheel
 
 # Starting time constants per decade; every local minimum of this scan is a start.
 SCAN_PER_DECADE = 8
@@ -83,7 +82,7 @@ class WheelData:
     run_of : shape (n,), number of the run that each row belongs to.
     """
 
-    def __init__(self, runs: Sequence[Run], wheel: Wheel, baseline: Baseline | None) -> None:
+    def __init__(self, runs: Sequence[Run], wheel: Wheel, baseline: Geometry | None) -> None:
         efforts, speeds, intervals, starts, weights, numbers = [], [], [], [], [], []
         for number, run in enumerate(runs):
             measured = run.speed(wheel, baseline)
@@ -169,7 +168,7 @@ def _recursion(keep: FloatArray, add: FloatArray) -> FloatArray:
 def fit_first_order(
     runs: Sequence[Run],
     wheel: Wheel,
-    baseline: Baseline | None = None,
+    baseline: Geometry | None = None,
     *,
     label: str = "all runs",
     scale_mps: float | None = None,

@@ -20,8 +20,7 @@ from truing.identify.structures import DELAY, FREEDOMS, Structure
 from truing.identify.structures import structure as structure_named
 from truing.identify.uncertainty import half_widths, rounding_half_widths
 from truing.model.wheel import PHYSICS_FIELDS, WheelPhysics, simulate_physics
-from truing.recording.baseline import Baseline
-from truing.recording.run import Run, Wheel
+from truing.recording.run import Geometry, Run, Wheel
 
 UNITS: dict[str, str] = {
     "gain_mps": "m/s",
@@ -94,7 +93,7 @@ def fit_wheel(
     runs: Sequence[Run],
     side: Wheel,
     structure: Structure | str = DELAY,
-    baseline: Baseline | None = None,
+    baseline: Geometry | None = None,
     *,
     hold_out: bool = True,
     intervals: bool = True,

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
+from truing.errors import IdentifyError
 from truing.identify.data_checks import Finding, check_set, refuse_absurd
 from truing.identify.effort_checks import refuse_efforts
 from truing.identify.effort_row import effort_row
 from truing.identify.first_order import FirstOrderFit, fit_first_order
+from truing.identify.identifiable import STEPS_ADVICE
 from truing.identify.step_metrics import StepMetrics, step_metrics
+from truing.model.robot_model import RobotModel
+from truing.model.wheel import WheelPhysics
 from truing.progress import Progress, ignore_progress
-from truing.recording.baseline import Baseline
-from truing.recording.run import WHEELS, RecordingSet, Run, SpeedSource, Wheel
+from truing.recording.baseline import RobotGeometry
+from truing.recording.frames import preformatted
+from truing.recording.run import WHEELS, Geometry, RecordingSet, Run, SpeedSource, Wheel
 
 SCHEMA = 1
 # A wheel whose effort stays below this in a run is not driven there.
@@ -74,6 +79,51 @@ class Identification:
     runs: tuple[RunIdentification, ...]
     fits: tuple[FirstOrderFit, ...]
     findings: tuple[Finding, ...]
+    robot: RobotGeometry = field(default_factory=RobotGeometry)
+    rate_hz: float | None = None
+
+    def __str__(self) -> str:
+        from truing.identify.tables import result_text
+
+        return result_text(self)
+
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
+
+    @property
+    def whole_fits(self) -> dict[Wheel, FirstOrderFit]:
+        """The fit of each wheel that holds for the whole set (the first one made)."""
+        fits: dict[Wheel, FirstOrderFit] = {}
+        for fit in self.fits:
+            fits.setdefault(fit.wheel, fit)
+        return fits
+
+    def robot_model(self) -> RobotModel:
+        """Gains and time constants of both wheels with the geometry: a model, and a baseline as a file.
+
+        Raises
+        ------
+        IdentifyError
+            The runs do not show a wheel's gain or time constant; says which and why.
+        """
+        left, right = (self._wheel(wheel) for wheel in WHEELS)
+        return RobotModel(left, right, self.robot, self.rate_hz, {"recordings": self.name})
+
+    def _wheel(self, wheel: Wheel) -> WheelPhysics:
+        fit = self.whole_fits.get(wheel)
+        if fit is None:
+            raise IdentifyError(
+                f"{self.name}: no baseline, the {wheel} wheel is never driven", "Drive both wheels"
+            )
+        for words, quantity in (("gain", fit.gain), ("time constant", fit.time_constant)):
+            if quantity.value is None:
+                raise IdentifyError(
+                    f"{self.name}: no baseline, the {wheel} wheel's {words} is unknown ({quantity.reason})",
+                    STEPS_ADVICE,
+                )
+        assert fit.gain.value is not None
+        assert fit.time_constant.value is not None
+        return WheelPhysics(fit.gain.value, fit.time_constant.value)
 
     def to_json(self) -> dict[str, Any]:
         """For `--json`; numbers that could not be determined are null and carry a reason."""
@@ -108,29 +158,36 @@ def identify_set(recordings: RecordingSet, progress: Progress = ignore_progress)
     refuse_efforts(recordings)
     runs = []
     for number, run in enumerate(recordings, start=1):
-        runs.append(_identify_run(run, recordings.baseline))
+        runs.append(_identify_run(run, recordings.robot))
         progress(0.3 * number / len(recordings))
     jobs = _fit_jobs(recordings, runs)
     fits = []
     for number, (wheel, label, members) in enumerate(jobs, start=1):
         scale = speed_scale(recordings, wheel)
-        fits.append(fit_first_order(members, wheel, recordings.baseline, label=label, scale_mps=scale))
+        fits.append(fit_first_order(members, wheel, recordings.robot, label=label, scale_mps=scale))
         progress(0.3 + 0.7 * number / len(jobs))
     findings = check_set(recordings)
     offset = effort_row(recordings)
     if offset is not None and offset.sentence():
         text = f"{offset.sentence()}. {offset.advice()}"
         findings += (Finding(recordings.runs[0].name, text, offset.wheel, "effort_row"),)
-    return Identification(recordings.name, tuple(runs), _mark_uncertain_ramps(fits), findings)
+    return Identification(
+        recordings.name,
+        tuple(runs),
+        _mark_uncertain_ramps(fits),
+        findings,
+        recordings.robot or RobotGeometry(),
+        float(np.median([run.rate_hz for run in recordings])),
+    )
 
 
 def speed_scale(recordings: RecordingSet, wheel: Wheel) -> float:
     """The 98th percentile of |speed| of a wheel over the whole set, m/s: what per cents refer to."""
-    speeds = [np.abs(run.speed(wheel, recordings.baseline).values) for run in recordings]
+    speeds = [np.abs(run.speed(wheel, recordings.robot).values) for run in recordings]
     return float(np.percentile(np.concatenate(speeds), 98))
 
 
-def _identify_run(run: Run, baseline: Baseline | None) -> RunIdentification:
+def _identify_run(run: Run, baseline: Geometry | None) -> RunIdentification:
     left, right = (WheelSteps(wheel, *step_metrics(run, wheel, baseline)) for wheel in WHEELS)
     return RunIdentification(run.name, run.speed("left", baseline).source, left, right)
 

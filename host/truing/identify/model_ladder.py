@@ -24,6 +24,7 @@ from truing.identify.structures import DELAY, STRUCTURES, Structure
 from truing.model.robot_model import RobotModel
 from truing.progress import Progress
 from truing.recording.baseline import RobotGeometry
+from truing.recording.frames import preformatted
 from truing.recording.run import WHEELS, RecordingSet, Wheel
 
 BASIC = ("linear", "friction", "delay")
@@ -86,6 +87,14 @@ class SetModels:
             "refused": dict(self.refused),
             "notes": list(self.notes),
         }
+
+    def __str__(self) -> str:
+        from truing.identify.model_tables import model_tables
+
+        return "\n".join(table.to_text() for table in model_tables(self))
+
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
 
     def robot_model(self) -> RobotModel:
         """The chosen models of both wheels as one robot.
@@ -160,8 +169,7 @@ def fit_models(
                 refused[wheel] = error.message
     if not wheels:
         raise IdentifyError("; ".join(f"{wheel} wheel: {reason}" for wheel, reason in refused.items()))
-    baseline = recordings.baseline
-    robot = baseline.robot if baseline is not None and baseline.robot is not None else RobotGeometry()
+    robot = recordings.robot or RobotGeometry()
     rate = float(np.median([run.rate_hz for run in recordings]))
     offset = effort_row(recordings)
     notes: tuple[str, ...] = ()
@@ -171,13 +179,13 @@ def fit_models(
 
 
 def _fit_wheel_models(recordings: RecordingSet, wheel: Wheel, names: tuple[str, ...]) -> WheelModels:
-    runs, baseline = recordings.runs, recordings.baseline
-    signal = wheel_signal(runs, wheel, baseline)
+    runs, robot = recordings.runs, recordings.robot
+    signal = wheel_signal(runs, wheel, robot)
     steps: list[WheelFit] = []
     for structure in (STRUCTURES[name] for name in names):
         if _is_visible(structure, signal.has_supply):
             nested = _richest_within(steps, structure)
-            steps.append(fit_wheel(runs, wheel, structure, baseline, intervals=False, nested=nested))
+            steps.append(fit_wheel(runs, wheel, structure, robot, intervals=False, nested=nested))
     # A time constant at the end of what is searched is no estimate, however well it fits.
     sound = [step for step in steps if at_a_bound(step.search) is None] or steps
     if all(step.held_out is not None for step in steps):

@@ -11,8 +11,7 @@ import numpy as np
 from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.errors import IdentifyError
 from truing.model.excitation import Excitation, excitation
-from truing.recording.baseline import Baseline
-from truing.recording.run import Run, SpeedSource, Wheel
+from truing.recording.run import Geometry, Run, SpeedSource, Wheel
 
 NOMINAL_SUPPLY_V = 12.0
 MINIMUM_SEGMENT_ROWS = 4
@@ -120,7 +119,7 @@ def shown_resolution(speed_mps: FloatArray, resolution_mps: float = 0.0) -> floa
     return float(steps.min()) if steps.size else 0.0
 
 
-def wheel_signal(runs: Sequence[Run], wheel: Wheel, baseline: Baseline | None = None) -> WheelSignal:
+def wheel_signal(runs: Sequence[Run], wheel: Wheel, baseline: Geometry | None = None) -> WheelSignal:
     """Efforts and speeds of one wheel in all runs; gaps start a new segment.
 
     Rows that share a time stamp are one instant: the last of them stands. Speeds from counts or

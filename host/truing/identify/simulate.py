@@ -19,8 +19,7 @@ from truing.identify.state_space import START_ROWS
 from truing.model.linear import ArxModel, StateSpaceModel
 from truing.model.robot_model import RobotModel
 from truing.model.wheel import WheelPhysics
-from truing.recording.baseline import Baseline
-from truing.recording.run import Run, Wheel
+from truing.recording.run import Geometry, Run, Wheel
 
 AnyModel: TypeAlias = WheelPhysics | RobotModel | ArxModel | StateSpaceModel
 
@@ -42,7 +41,7 @@ class Simulation:
 
 
 def simulate(
-    model: AnyModel, runs: Run | Sequence[Run], wheel: Wheel, baseline: Baseline | None = None
+    model: AnyModel, runs: Run | Sequence[Run], wheel: Wheel, baseline: Geometry | None = None
 ) -> Simulation:
     """Simulate runs that the model may never have seen, from their efforts and first rows alone."""
     signal = wheel_signal([runs] if isinstance(runs, Run) else runs, wheel, baseline)

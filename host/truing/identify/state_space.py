@@ -25,8 +25,7 @@ from truing.identify.levenberg import minimise
 from truing.identify.model_error import FreeRunError, OneStepError, free_run_error, one_step_error
 from truing.identify.signals import WheelSignal, wheel_signal
 from truing.model.linear import StateSpaceModel
-from truing.recording.baseline import Baseline
-from truing.recording.run import Run, Wheel
+from truing.recording.run import Geometry, Run, Wheel
 
 MAXIMUM_ORDER = 4
 BLOCK_ROWS = 10
@@ -76,7 +75,7 @@ class StateSpaceFit:
 
 
 def fit_state_space(
-    runs: Sequence[Run], side: Wheel, baseline: Baseline | None = None, *, order: int | None = None
+    runs: Sequence[Run], side: Wheel, baseline: Geometry | None = None, *, order: int | None = None
 ) -> StateSpaceFit:
     """Fit one wheel; an order that is not given is chosen by held-out free-run error."""
     return fit_state_space_signal(wheel_signal(runs, side, baseline), side, order=order)

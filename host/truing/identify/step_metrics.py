@@ -15,8 +15,7 @@ from truing.identify.quantity import Quantity
 from truing.identify.signals import shown_resolution
 from truing.identify.step_noise import WindowNoise, window_noise
 from truing.identify.step_response import Response, ripple_of, rows_before, rows_inside
-from truing.recording.baseline import Baseline
-from truing.recording.run import Run, Wheel, WheelSpeed
+from truing.recording.run import Geometry, Run, Wheel, WheelSpeed
 
 Direction: TypeAlias = Literal["up", "down", "reversal", "none"]
 
@@ -68,7 +67,7 @@ class StepMetrics:
 
 
 def step_metrics(
-    run: Run, wheel: Wheel, baseline: Baseline | None = None
+    run: Run, wheel: Wheel, baseline: Geometry | None = None
 ) -> tuple[tuple[StepMetrics, ...], str | None]:
     """Metrics of every step of a wheel's input; or none, with the reason."""
     levels = find_levels(run, wheel)

@@ -12,8 +12,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rich.box import SIMPLE_HEAD
+from rich.console import Console
 from rich.table import Table
 
+from truing.identify.data_checks import summarise
 from truing.identify.first_order import FirstOrderFit
 from truing.identify.identification import Identification, RunIdentification, WheelSteps
 from truing.identify.quantity import Quantity
@@ -82,6 +84,13 @@ class PlainTable:
             out.write(f"# {line}\n")
         return out.getvalue()
 
+    def to_text(self) -> str:
+        """For a file or a console without colours, 120 columns wide."""
+        console = Console(file=io.StringIO(), width=120, highlight=False, no_color=True)
+        with console.capture() as captured:
+            console.print(self.to_rich())
+        return "\n".join(line.rstrip() for line in captured.get().splitlines())
+
     def grouped(self) -> Iterator[tuple[list[str], bool]]:
         """Rows with repeated group names blanked, and whether a row begins a group (the first excepted)."""
         before: list[str] = []
@@ -141,6 +150,12 @@ def _with_interval(table: PlainTable, quantity: Quantity, digits: int) -> str:
         low, high = quantity.ci95
         text += f"\n{low:.{digits}f}…{high:.{digits}f}"
     return text
+
+
+def result_text(result: Identification) -> str:
+    """The findings and the fits, as `truing identify` prints them; the tables of steps are left out."""
+    lines = [f"! {line}" for line in summarise(result.findings)]
+    return "\n".join([*lines, _table_fits(result.fits).to_text(), *unstepped(result)])
 
 
 def unstepped(result: Identification) -> Iterator[str]:

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
@@ -18,13 +17,13 @@ _PLAIN = {"nogil": True, "error_model": "numpy", "_nrt": False, "no_cfunc_wrappe
 
 
 def compiled(function: Function) -> Function:
-    """Compile on first call, cache in NUMBA_CACHE_DIR, release the GIL; it may allocate."""
+    """Compile on first call, keep the machine code (`code_cache`), release the GIL; it may allocate."""
     return cast(Function, _njit(cache=True, nogil=True, error_model="numpy")(function))
 
 
 def cached(function: Function) -> Function:
-    """The same for what does not allocate; without NUMBA_CACHE_DIR it is kept in memory alone."""
-    return cast(Function, _njit(**_PLAIN, cache="NUMBA_CACHE_DIR" in os.environ)(function))
+    """The same for what does not allocate."""
+    return cast(Function, _njit(**_PLAIN, cache=True)(function))
 
 
 def part(function: Function) -> Function:

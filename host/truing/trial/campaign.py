@@ -18,7 +18,15 @@ from truing.recording.writer import replace_file
 from truing.trial.concealed import Asked, TrialResult, run_concealed
 from truing.trial.order import Block, Task, tasks
 from truing.trial.results import to_json, to_markdown
-from truing.trial.score import IN_CATALOGUE, Score, judge, judge_method, place_right, resolved
+from truing.trial.score import (
+    IN_CATALOGUE,
+    OUT_OF_CATALOGUE,
+    Score,
+    judge,
+    judge_method,
+    place_right,
+    resolved,
+)
 
 if TYPE_CHECKING:
     from truing.diagnose.result import Diagnosis
@@ -147,7 +155,7 @@ def score(asked: Asked, result: TrialResult, place: Path) -> Score:
         named_alone=worth.named_alone,
         confidently_wrong=worth.confidently_wrong,
         right=worth.right,
-        place_right=place_right(measured) if measured and family == "outside" else None,
+        place_right=place_right(measured) if measured and family in OUT_OF_CATALOGUE else None,
         later=tuple(f"{kind}: {', '.join(said)}" for kind, said in later),
         resolved=(bool(later) and resolved(later, hidden)) if is_ambiguous and asked.more_runs else None,
         seconds=result.first.seconds,
@@ -157,12 +165,21 @@ def score(asked: Asked, result: TrialResult, place: Path) -> Score:
         sha256=result.sha256,
         measured=measured,
         methods=methods,
+        confidences=confidences_of(first),
     )
 
 
 def names_of(diagnosis: Diagnosis) -> tuple[str, ...]:
     """The effects that a verdict names."""
     return tuple(dict.fromkeys(effect.name for effect in diagnosis.effects))
+
+
+def confidences_of(diagnosis: Diagnosis) -> dict[str, float]:
+    """Stated confidence in each effect that a verdict names, 0 to 1; the larger of both wheels."""
+    out: dict[str, float] = {}
+    for effect in diagnosis.effects:
+        out[effect.name] = max(float(effect.confidence), out.get(effect.name, 0.0))
+    return out
 
 
 def sure_names_of(diagnosis: Diagnosis) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ class Asked:
 
     Attributes
     ----------
-    effect : `random`, `pair`, `several`, `outside`, `none`, or names with commas between.
+    effect : `random`, `pair`, `several`, `outside`, `intermittent`, `none`, or names with commas between.
     plans : drive these instead of drawn ones.
     weak : S below 1; drawn where None.
     core : on the host robot (the firmware core on this machine) instead of the flashed image.

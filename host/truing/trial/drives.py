@@ -184,6 +184,7 @@ def _settings(spec: Robot, *, velocity: bool) -> dict[str, float]:
         "encoder_speed_max_mps": 50.0,
         "stall_effort": 1.0,
         "battery_low_v": 0.0,
+        "battery_high_v": 60.0,
         "speed_limit_mps": 10.0,
     }
     for i, side in enumerate(("left", "right")):

@@ -1,5 +1,7 @@
 """What can be concealed in a trial's robot: the 27 effects of the catalogue and kinds that no catalogue has.
 
+Of those that no catalogue has some act all the time, others for some time only (`INTERMITTENT`).
+
 Each takes a robot, a strength (1 is about the largest that a robot of this kind has) and a generator
 that gives the same draws whatever the strength, and changes the robot. The physics is the plant's;
 here are only its numbers.
@@ -33,6 +35,7 @@ class Hidden:
     domain : where its strength is judged: in the wheels' speeds or in the pose.
     needs : columns without which it is not identifiable: `truth`, `speed` (the recorder's own).
     tied : the baseline has both sides equal.
+    outside : no catalogue has it.
     """
 
     name: str
@@ -308,6 +311,51 @@ def _swinging_load(robot: Robot, strength: float, rng: Rng) -> None:
     )
 
 
+# Outside the catalogue, and acting for some time only: when it does in each run is drawn by the plant.
+
+
+def _carpet_strip(robot: Robot, strength: float, rng: Rng) -> None:
+    """Rolling resistance of a carpet, by time in each run or where it lies."""
+    top_mps = float(np.mean(robot.gain_mps))
+    from_s, for_s = float(rng.uniform(2.0, 4.0)), float(rng.uniform(2.0, 4.0))
+    from_m, for_m = top_mps * float(rng.uniform(0.3, 1.0)), top_mps * float(rng.uniform(0.5, 1.2))
+    robot.add_hidden(intermittent__carpet_nm=_pair(robot.effort_nm(0.3 * strength) * _sides(rng)))
+    if rng.random() < 0.4:
+        robot.add_hidden(intermittent__carpet_from_m=from_m, intermittent__carpet_for_m=for_m)
+    else:
+        robot.add_hidden(
+            intermittent__carpet_from_s=from_s,
+            intermittent__carpet_room_s=0.5,
+            intermittent__carpet_for_s=for_s,
+        )
+
+
+def _push(robot: Robot, strength: float, rng: Rng) -> None:
+    robot.add_hidden(
+        intermittent__push_n=_pair(robot.effort_nm(0.5 * strength) / robot.radius_m * _sides(rng)),
+        intermittent__push_share=float(rng.uniform(0.4, 0.8)),
+        intermittent__push_from_s=2.0,
+        intermittent__push_room_s=8.0,
+        intermittent__push_for_s=float(rng.uniform(1.0, 2.0)),
+    )
+
+
+def _binding_bearing(robot: Robot, strength: float, rng: Rng) -> None:
+    robot.add_hidden(
+        intermittent__bind_nm=_pair(robot.effort_nm(0.5 * strength) * _sides(rng, one=0.6)),
+        intermittent__bind_every_s=float(rng.uniform(1.7, 2.3)),
+        intermittent__bind_for_s=float(rng.uniform(0.15, 0.35)),
+    )
+
+
+def _knocks(robot: Robot, strength: float, rng: Rng) -> None:
+    robot.add_hidden(
+        intermittent__knock_n=_pair(robot.effort_nm(3.0 * strength) / robot.radius_m * _sides(rng)),
+        intermittent__knock_every_s=float(rng.uniform(2.0, 5.0)),
+        intermittent__knock_for_s=float(rng.uniform(0.02, 0.05)),
+    )
+
+
 _CATALOGUE = (
     Hidden("coulomb_friction", _coulomb_friction),
     Hidden("stribeck_friction", _stribeck_friction),
@@ -347,7 +395,15 @@ _OUTSIDE = (
     Hidden("tether", _tether, outside=True),
     Hidden("swinging_load", _swinging_load, outside=True, max_strength=2.0),
 )
+_INTERMITTENT = (
+    Hidden("carpet_strip", _carpet_strip, outside=True),
+    Hidden("push", _push, outside=True),
+    Hidden("binding_bearing", _binding_bearing, outside=True),
+    Hidden("knocks", _knocks, outside=True),
+)
 
 CATALOGUE: dict[str, Hidden] = {each.name: each for each in _CATALOGUE}
 OUTSIDE: dict[str, Hidden] = {each.name: each for each in _OUTSIDE}
-ALL: dict[str, Hidden] = CATALOGUE | OUTSIDE
+# Apart from `OUTSIDE`, from which campaigns and seeds draw in an order that must not change.
+INTERMITTENT: dict[str, Hidden] = {each.name: each for each in _INTERMITTENT}
+ALL: dict[str, Hidden] = CATALOGUE | OUTSIDE | INTERMITTENT

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truing.trial.score import HARM, Score
+from truing.trial.score import HARM, NO_EFFECT_NAMED, Score
 
 # Two explanations whose predictions differ by this whitened norm are nearly always distinguished.
 SEPARABLE = 4.0
 # Beyond this S an effect has full strength.
 FULL = 1.0
+# Beyond this S an effect that acts for some time only must not be missed, nor gear backlash.
+STRONG = 2.0
 
 
 def bounds(hits: int, trials: int) -> tuple[float, float]:
@@ -104,9 +106,9 @@ def separable(score: Score) -> bool:
 
 def figures(scores: Sequence[Score]) -> list[Figure]:
     """All figures of a campaign, in the order of their bars."""
-    one, two, several, null, outside = (
+    one, two, several, null, outside, intermittent = (
         [each for each in scores if each.family == name]
-        for name in ("one", "two", "several", "null", "outside")
+        for name in ("one", "two", "several", "null", "outside", "intermittent")
     )
     within = one + two + several
     full = [each for each in one if is_full(each)]
@@ -133,6 +135,8 @@ def figures(scores: Sequence[Score]) -> list[Figure]:
         share_of(
             "outside: `unexplained`, place right", [e.right and bool(e.place_right) for e in outside], 0.80
         ),
+        *_intermittent(intermittent),
+        share_of("gear backlash, S >= 2: named", [e.named for e in one if _strong_backlash(e)], 0.95),
         median_of("outside: spans' share of what no refit takes away", _value(outside, "left_covered"), None),
         median_of("outside: share of the spans that is that", _value(outside, "left_share"), None),
         share_of("effective parameter inside its 95 % interval", inside, 0.90, upper=0.99),
@@ -151,6 +155,28 @@ def figures(scores: Sequence[Score]) -> list[Figure]:
     ]
 
 
+def _intermittent(scores: Sequence[Score]) -> list[Figure]:
+    """Figures of effects outside the catalogue that act for some time only."""
+    strong = [each for each in scores if each.strength >= STRONG]
+    return [
+        share_of(
+            "intermittent, S >= 2: `unexplained` or `partly_explained`", [e.right for e in strong], 0.95
+        ),
+        share_of(
+            "intermittent: not `consistent` nor `parameters_only`",
+            [e.verdict not in NO_EFFECT_NAMED for e in scores],
+            1.0,
+        ),
+        share_of(
+            "intermittent: right, and place right", [e.right and bool(e.place_right) for e in scores], None
+        ),
+    ]
+
+
+def _strong_backlash(score: Score) -> bool:
+    return score.hidden == ("gear_backlash",) and score.strength >= STRONG
+
+
 def _alone(scores: Sequence[Score]) -> list[bool]:
     return [each.named_alone for each in scores if separable(each)]
 
@@ -167,6 +193,7 @@ def by_method(scores: Sequence[Score]) -> dict[str, list[tuple[str, int, int]]]:
         ("three or four", lambda s: s.family == "several", False),
         ("nothing concealed", lambda s: s.family == "null", False),
         ("outside", lambda s: s.family == "outside", False),
+        ("intermittent", lambda s: s.family == "intermittent", False),
         ("confidently wrong", lambda _: True, True),
     ]
     methods = list(dict.fromkeys(name for each in scores for name in each.methods))

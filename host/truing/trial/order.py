@@ -13,14 +13,19 @@ from typing import Literal
 
 import numpy as np
 
-from truing.trial.effects import CATALOGUE, OUTSIDE
+from truing.trial.effects import CATALOGUE, INTERMITTENT, OUTSIDE
 
-Block = Literal["main", "last", "several"]
+Block = Literal["main", "last", "several", "intermittent", "backlash"]
 
 # Of 470 trials: ten for each of 27 effects, the healthy, the pairs, and those that no catalogue has.
 SHARES = {"random": 270, "none": 100, "pair": 60, "outside": 40}
-# The block `several` has a campaign of its own: three and four effects at once.
-SEVERAL_SHARES = {"several": 60}
+# Blocks that are campaigns of their own: three and four effects at once, effects outside the catalogue that
+# act for some time only, gear backlash of full strength.
+OWN_SHARES: dict[Block, dict[str, int]] = {
+    "several": {"several": 60},
+    "intermittent": {"intermittent": 60},
+    "backlash": {"gear_backlash": 40},
+}
 # One in so many goes through the flashed image; with the shares above no kind is passed over.
 ON_BOARD_EVERY = 10
 # Seeds of the last block lie beyond all others.
@@ -53,7 +58,7 @@ def _kinds(trials: int, block: Block) -> tuple[str, ...]:
 
 
 def _shares(block: Block) -> dict[str, int]:
-    return SEVERAL_SHARES if block == "several" else SHARES
+    return OWN_SHARES.get(block, SHARES)
 
 
 def tasks(trials: int, seed: int, block: Block = "main") -> list[Task]:
@@ -61,14 +66,15 @@ def tasks(trials: int, seed: int, block: Block = "main") -> list[Task]:
 
     Parameters
     ----------
-    block : `last` has seeds that no other campaign has, for one evaluation, after all tuning; `several`
-        three and four effects at once.
+    block : `last` has seeds that no other campaign has, for one evaluation, after all tuning; of the others
+        beside `main` each has its own kinds of trial (`OWN_SHARES`).
     """
     first = seed * _PER_CAMPAIGN + (_LAST if block == "last" else 0)
     rng = np.random.default_rng([first, 0x6F72646572])
-    inside, outside = sorted(CATALOGUE), sorted(OUTSIDE)
+    inside, outside, intermittent = sorted(CATALOGUE), sorted(OUTSIDE), sorted(INTERMITTENT)
     rng.shuffle(inside)
     rng.shuffle(outside)
+    rng.shuffle(intermittent)
     counts = dict.fromkeys(_shares(block), 0)
     out = []
     for number, kind in enumerate(_kinds(trials, block)):
@@ -80,6 +86,10 @@ def tasks(trials: int, seed: int, block: Block = "main") -> list[Task]:
             effect, weak = inside[place], (turn + place) % 2 == 1
         elif kind == "outside":
             effect = outside[at % len(outside)]
+        elif kind == "intermittent":
+            effect = intermittent[at % len(intermittent)]
+        elif kind in CATALOGUE:
+            weak = False
         on_board = number % ON_BOARD_EVERY == ON_BOARD_EVERY // 2
         out.append(Task(number, effect, first + number, weak, on_board))
     return out

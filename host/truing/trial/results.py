@@ -13,6 +13,7 @@ import numpy as np
 
 from truing.trial.figures import Figure, bounds, by_method, figures
 from truing.trial.order import Block
+from truing.trial.reliability import reliability_table
 from truing.trial.score import Score
 
 # Rows of the table of verdicts for sets of effects.
@@ -54,6 +55,12 @@ def to_markdown(scores: Sequence[Score], *, trials: int, seed: int, block: Block
         *_method_table(scores),
         "",
         *_gap_lines(scores),
+        "## Stated confidence",
+        "",
+        "Effects that the verdicts list, by the confidence stated in each. It holds where the bounds of the",
+        "share that is concealed in its trial contain the mean stated one.",
+        "",
+        *reliability_table(scores),
         "## By strength",
         "",
         "| S | trials | named | alone | ambiguous | gap closed, median |",

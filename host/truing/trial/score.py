@@ -11,6 +11,7 @@ NAMED = ("missing_physics", "partly_explained", "ambiguous")
 NO_EFFECT_NAMED = ("consistent", "parameters_only")
 MAX_AMBIGUOUS = 3
 IN_CATALOGUE = ("one", "two", "several")
+OUT_OF_CATALOGUE = ("outside", "intermittent")
 # A place is right when the spans hold this much of the effect's energy, and are this much of it.
 PLACE_RIGHT = 0.5
 # A model that is worse than the baseline by more than this share does harm.
@@ -34,6 +35,7 @@ class Score:
     resolved : whether an ambiguity that held the truth ended with it, after at most two proposed runs.
     measured : figures beside the truth (`measure.Measured`).
     methods : for each other method, whether it is right, and whether it names what is not there.
+    confidences : stated confidence, 0 to 1, in each effect that the verdict lists.
     """
 
     effect: str
@@ -60,6 +62,7 @@ class Score:
     sha256: str
     measured: dict[str, Any] = field(default_factory=dict)
     methods: dict[str, tuple[bool, bool]] = field(default_factory=dict)
+    confidences: dict[str, float] = field(default_factory=dict)
 
     @property
     def strength(self) -> float:
@@ -111,7 +114,7 @@ def judge(
     named = every and extras <= max_extras
     if family == "null":
         right = kind in NO_EFFECT_NAMED
-    elif family == "outside":
+    elif family in OUT_OF_CATALOGUE:
         right = kind in ("unexplained", "partly_explained")
     else:
         right = named

@@ -33,7 +33,7 @@ def _say(**values: Any) -> None:
 
 def family_of(effect: str) -> tuple[Family, tuple[str, ...] | None]:
     """Return what `--effect` asks for: a family to draw from, or effects by name."""
-    from truing.trial.effects import OUTSIDE
+    from truing.trial.effects import INTERMITTENT, OUTSIDE
 
     families: dict[str, Family] = {
         "random": "one",
@@ -41,12 +41,15 @@ def family_of(effect: str) -> tuple[Family, tuple[str, ...] | None]:
         "several": "several",
         "none": "null",
         "outside": "outside",
+        "intermittent": "intermittent",
     }
     if effect in families:
         return families[effect], None
     names = tuple(effect.split(","))
     if len(names) > 1:
         return ("two" if len(names) == 2 else "several"), names
+    if effect in INTERMITTENT:
+        return "intermittent", names
     return ("outside" if effect in OUTSIDE else "one"), names
 
 

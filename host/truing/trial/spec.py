@@ -10,10 +10,10 @@ import numpy as np
 
 from truing.errors import TruingError
 from truing.plan import Kind, Plan, Segment, load_plan
-from truing.trial.effects import ALL, CATALOGUE, OUTSIDE
+from truing.trial.effects import ALL, CATALOGUE, INTERMITTENT, OUTSIDE
 from truing.trial.robot import Robot, draw_robot
 
-Family: TypeAlias = Literal["one", "two", "several", "null", "outside"]
+Family: TypeAlias = Literal["one", "two", "several", "null", "outside", "intermittent"]
 Driving: TypeAlias = Literal["whole", "partial", "ordinary"]
 
 # In the order in which they are driven: charge, heat and wheel angles run on from one to the next.
@@ -170,7 +170,7 @@ _DRIVING: dict[str, Driving] = {"whole": "whole", "partial": "partial", "ordinar
 def _names(rng: np.random.Generator, family: Family) -> tuple[str, ...]:
     if family == "null":
         return ()
-    pool = sorted(OUTSIDE) if family == "outside" else sorted(CATALOGUE)
+    pool = sorted({"outside": OUTSIDE, "intermittent": INTERMITTENT}.get(family, CATALOGUE))
     if family == "several":
         number = int(rng.integers(*SEVERAL))
     else:

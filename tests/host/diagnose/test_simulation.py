@@ -179,7 +179,7 @@ def test_a_file_dropped_into_a_folder_of_effects_is_part_of_the_simulation(
         "                (Parameter('force', 'effort', 0.0, 1.0, 0.0, (0.1,)),))\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)  # compiled in memory, nothing on disk
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     catalogue = Catalogue(("dropped_effects",))
     assert catalogue.names == ("headwind",)
     simulator = SetSimulator(recordings((np.full((60, 2), 0.5),)), catalogue=catalogue)

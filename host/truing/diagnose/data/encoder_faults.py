@@ -9,14 +9,14 @@ reads 34 to 61 % of its other side and fluctuates by 23 to 30 %; the other four 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from truing.arrays import FloatArray
 from truing.diagnose.data.valid_rows import wheel_speeds
-from truing.diagnose.result import Check, Diagnosis, EffectParameter, MismatchSpan, WheelNumbers
+from truing.diagnose.one_wheel import without_wheel
+from truing.diagnose.result import Check, Diagnosis, MismatchSpan
 from truing.recording.baseline import Baseline
 from truing.recording.run import MOTION_PAIRS, WHEELS, RecordingSet, Run, Wheel
 
@@ -39,12 +39,14 @@ class EncoderFault:
     ----------
     shares : by run, its speed over the other wheel's under the same effort (median).
     fluctuation : robust standard deviation about that, relative.
+    error_mps : RMS difference from the other wheel under the same effort.
     spans : where, with their shares of the error.
     """
 
     wheel: Wheel
     shares: dict[str, float]
     fluctuation: float
+    error_mps: float
     spans: tuple[MismatchSpan, ...]
 
     @property
@@ -85,7 +87,8 @@ def find_encoder_fault(recordings: RecordingSet, baseline: Baseline) -> EncoderF
         if fluctuation > MIN_FLUCTUATION and own > FLUCTUATION_RATIO * other:
             total = sum(ratio.error_energy for ratio in ratios)
             spans = tuple(_span(wheel, ratio, total) for ratio in ratios)
-            return EncoderFault(wheel, shares, fluctuation, spans)
+            error_mps = float(np.sqrt(total / sum(ratio.moving_s for ratio in ratios)))
+            return EncoderFault(wheel, shares, fluctuation, error_mps, spans)
     return None
 
 
@@ -104,42 +107,47 @@ def one_wheel(recordings: RecordingSet, wheel: Wheel) -> RecordingSet:
 
 
 def with_encoder_fault(of_other: Diagnosis, found: EncoderFault) -> Diagnosis:
-    """The result for a set with an encoder fault, from that of its other wheel alone."""
-    parts = [
-        f"The {found.other} wheel by itself: {of_other.verdict.replace('_', ' ')}",
-        ", ".join(
-            f"{effect.name} {_numbers_of(effect.parameters, found.wheel)}" for effect in of_other.effects
-        ),
-    ]
-    note = ": ".join(part for part in parts if part) + f" (details: --wheel {found.other})"
+    """The result for a set with an encoder fault, from that of its other wheel alone.
+
+    What that wheel's diagnosis names is named of that wheel; what the faulty one does is left over.
+    """
+    verdict = of_other.verdict.replace("_", " ")
+    note = f"The {found.other} wheel by itself: {verdict} (details: --wheel {found.other})"
     return replace(
         of_other,
-        verdict="unexplained",
-        effects=(),
-        exact={},
-        # `fit` says what the other wheel's effects leave; what is exported is the refitted baseline.
-        numbers=tuple(_refitted(entry) for entry in of_other.numbers),
+        verdict="partly_explained" if of_other.effects else "unexplained",
+        effects=tuple(
+            replace(one, scope=found.other, parameters=without_wheel(one.parameters, found.wheel))
+            for one in of_other.effects
+        ),
         mismatch=found.spans,
+        left_over_share=_left_over(of_other, found),
         next_experiment=None,
         notes=(*of_other.notes, note),
         checks=(found.check(), *of_other.checks),
     )
 
 
-def _refitted(entry: WheelNumbers) -> WheelNumbers:
-    value = entry.refitted
-    return replace(entry, with_effects=EffectParameter(value, (value, value), entry.unit))
+def _left_over(of_other: Diagnosis, found: EncoderFault) -> float:
+    """Share of the mismatch of both wheels that nothing explains: all of the faulty wheel's."""
+    sound = max(of_other.fit.refit_rmse**2 - of_other.fit.noise_floor**2, 0.0)
+    faulty = found.error_mps**2
+    return (of_other.left_over_share * sound + faulty) / (sound + faulty)
 
 
 @dataclass(frozen=True, slots=True)
 class _RunRatio:
-    """One run: ratio to the other wheel, its fluctuation, that of both wheels alone, energy of the error."""
+    """One run: ratio to the other wheel, its fluctuation, that of both wheels alone, energy of the error.
+
+    `moving_s` is the time that the energy was summed over.
+    """
 
     run: str
     share: float
     fluctuation: float
     roughness: tuple[float, float]
     error_energy: float
+    moving_s: float
     times_s: tuple[float, float]
 
 
@@ -163,6 +171,7 @@ def _run_ratio(run: Run, baseline: Baseline, column: int) -> _RunRatio | None:
             _fluctuation(other[rows], run.interval_s),
         ),
         float(np.sum((own[rows] - other[rows]) ** 2) * run.interval_s),
+        float(rows.sum() * run.interval_s),
         (float(times[0]), float(times[-1])),
     )
 
@@ -182,9 +191,3 @@ def _span(wheel: Wheel, ratio: _RunRatio, total: float) -> MismatchSpan:
     share = ratio.error_energy / max(total, 1e-12)
     regime += ": lost counts, or another motor"
     return MismatchSpan(ratio.run, f"vel_{wheel}_mps", *ratio.times_s, share, regime)
-
-
-def _numbers_of(parameters: Mapping[str, EffectParameter], wheel: Wheel) -> str:
-    """The parameters of the other wheel and of the body, in words."""
-    shown = [f"{value.value:.3g} {value.unit}" for name, value in parameters.items() if wheel not in name]
-    return " ".join(shown)

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from truing.diagnose.present.compensation import compensate
-from truing.diagnose.present.corrected_model import corrected_model
+from truing.diagnose.present.corrected_model import CorrectedModel, corrected_model
 from truing.diagnose.present.export_check import FAILED, check_baseline, check_format
 from truing.diagnose.result import Diagnosis
 from truing.errors import TruingError
-from truing.exporters import exporter, exporters, notes
+from truing.exporters import ExportOptions, exporter, exporters, notes
+from truing.exporters.terms import DEFAULTS
 from truing.recording.run import RecordingSet, Wheel
 from truing.recording.writer import replace_file
 from truing_protocol import PARAMETERS
@@ -57,22 +58,34 @@ def write_exports(
     corrected = corrected_model(diagnosis, baseline)
     lines = [f"note: {note}" for note in corrected.notes]
     for export in wanted:
-        if export.kind == BOARD:
-            lines += _write_parameters(export.path, recordings, diagnosis)
-        elif export.kind == "toml":
-            text = corrected.to_toml()
-            checked = check_baseline(text, export.path, recordings, diagnosis, wheel)
-            if any(line.startswith(FAILED) for line in checked):
-                lines += [f"not written: {export.path} ({line.removeprefix(FAILED)})" for line in checked]
-                continue
-            replace_file(export.path, text.encode("utf-8"))
-            lines += [f"written: {export.path}", *checked]
-        else:
-            files = exporter(export.kind).write(corrected.model, export.path)
-            lines += [f"written: {file}" for file in files]
-            lines += [f"note: {export.kind}: {note}" for note in notes(export.kind, corrected.model)]
-            lines += check_format(export.kind, corrected, diagnosis)
+        lines += write_export(export, corrected, recordings, diagnosis, wheel)[1]
     return lines
+
+
+def write_export(
+    export: Export,
+    corrected: CorrectedModel,
+    recordings: RecordingSet,
+    diagnosis: Diagnosis,
+    wheel: Wheel | None = None,
+    options: ExportOptions = DEFAULTS,
+) -> tuple[tuple[Path, ...], list[str]]:
+    """Write one file: the files written, none where it would be wrong, and the lines that say so."""
+    path = export.path
+    if export.kind == BOARD:
+        lines = _write_parameters(path, recordings, diagnosis)
+        return ((path,) if lines[0].startswith("written: ") else ()), lines
+    if export.kind == "toml":
+        text = corrected.to_toml()
+        checked = check_baseline(text, path, recordings, diagnosis, wheel)
+        if any(line.startswith(FAILED) for line in checked):
+            return (), [f"not written: {path} ({line.removeprefix(FAILED)})" for line in checked]
+        replace_file(path, text.encode("utf-8"))
+        return (path,), [f"written: {path}", *checked]
+    files = exporter(export.kind).write(corrected.model, path, options)
+    said = [f"written: {file}" for file in files]
+    said += [f"note: {export.kind}: {note}" for note in notes(export.kind, corrected.model, options)]
+    return files, [*said, *check_format(export.kind, corrected, diagnosis)]
 
 
 def _write_parameters(path: Path, recordings: RecordingSet, diagnosis: Diagnosis) -> list[str]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+import textwrap
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from truing.diagnose.result import Diagnosis, EffectParameter, FitErrors, MismatchSpan, NamedEffect, Verdict
@@ -19,6 +20,7 @@ HEADINGS: dict[Verdict, str] = {
 # Smaller units for values below one.
 _SMALLER = {"s": ("ms", 1e3), "m/s": ("mm/s", 1e3), "m": ("mm", 1e3)}
 _UNIT_TEXT = {"effort": "of full effort", "1": "", "fraction": "", "factor": "", "ratio": ""}
+LINE_WIDTH = 100
 MAX_PLACES = 4
 # Sets of effects listed where something is unexplained.
 MAX_CANDIDATES = 3
@@ -54,6 +56,21 @@ def sections(diagnosis: Diagnosis) -> tuple[Section, ...]:
         Section("What to do next", tuple(next_lines(diagnosis))),
     )
     return tuple(section for section in found if section.lines)
+
+
+def first_sections(diagnosis: Diagnosis) -> tuple[Section, ...]:
+    """The verdict, what is missing and what to do next: what a result prints of itself."""
+    shown = ("Verdict", "What is missing", "What to do next")
+    return tuple(section for section in sections(diagnosis) if section.title in shown)
+
+
+def wrapped(sections: Iterable[Section]) -> Iterator[str]:
+    """The lines of sections at one width, an empty one behind each section."""
+    for section in sections:
+        yield section.title
+        for line in section.lines:
+            yield from textwrap.wrap(line, LINE_WIDTH, initial_indent="  ", subsequent_indent="    ")
+        yield ""
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -118,7 +135,10 @@ def effect_lines(diagnosis: Diagnosis) -> list[str]:
     """Each effect with its parameters and the error on runs left out of the fit."""
     lines = []
     for effect in diagnosis.effects:
-        lines.append(f"{capital(effect_title(effect.name))}: {parameters_text(effect)}.")
+        title, where = effect_title(effect.name), _one_wheel_text(effect)
+        # Effects of other explanations are alternatives to those of the first, not needed beside them.
+        shown = f"Or instead {title}" if effect.explanation else capital(title)
+        lines.append(f"{shown}{where}: {parameters_text(effect)}.")
         lines.append(_before_after(effect, diagnosis))
         if effect.note:
             lines.append(sentence(effect.note))
@@ -379,6 +399,15 @@ def _wheel_text(scope: str) -> str:
     if scope in ("left", "right"):
         return f" on the {scope} wheel"
     return " on both wheels" if scope == "both" else ""
+
+
+def _one_wheel_text(effect: NamedEffect) -> str:
+    """The wheel of an effect whose parameters do not say it."""
+    sides = {"left", "right"}
+    said = any(sides & set(name.split("_")) for name in effect.parameters)
+    if effect.scope not in sides or (said and len(effect.parameters) > 1):
+        return ""
+    return _wheel_text(effect.scope)
 
 
 def _sure(confidence: float) -> str:

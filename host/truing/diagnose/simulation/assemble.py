@@ -1,13 +1,12 @@
 """Builds the kernel: a package of the files in `kernel/` and of stages written from the effects' hooks.
 
-The package lies in NUMBA_CACHE_DIR, named by a hash of everything it is made of, so that numba keeps its
-machine code from one process to the next and a changed effect makes another kernel. Without that folder it
-is made anew for each process.
+The package lies in the folder of compiled code (`truing.model.code_cache`), named by a hash of everything it
+is made of, so that numba keeps its machine code from one process to the next and a changed effect makes
+another kernel.
 """
 
 from __future__ import annotations
 
-import atexit
 import hashlib
 import importlib
 import importlib.util
@@ -15,7 +14,6 @@ import inspect
 import os
 import shutil
 import sys
-import tempfile
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -28,6 +26,7 @@ from truing.diagnose.catalogue import Catalogue, Entry
 from truing.diagnose.simulation import state
 from truing.diagnose.simulation.stages import SLOW_CONTEXT, STAGES, STATE_CONTEXT, Stage
 from truing.model import compiled, kernel
+from truing.model.code_cache import code_folder
 
 BASELINE_PARAMETERS = 4
 # The written stages take the place of its `stage.py`.
@@ -196,9 +195,8 @@ def kernel_of(catalogue: Catalogue) -> Kernel:
     """The simulation for these effects."""
     stages = _Writer(catalogue).source()
     mark = _fingerprint(catalogue, stages)
-    place = os.environ.get("NUMBA_CACHE_DIR")
     name = f"truing_kernel_{mark}"
-    _import_package(name, stages, Path(place or _temporary_folder()) / "truing_kernels")
+    _import_package(name, stages, code_folder() / "truing_kernels")
     files = (importlib.import_module(f"{name}.{file}") for file in ("stage", "rollout", "ground"))
     stage, rollout, ground = files
     return Kernel(mark, stage, rollout.rollout, rollout.slow, ground.ground_motion, ground.windowed_motion)
@@ -230,10 +228,3 @@ def _import_package(name: str, stages: str, folder: Path) -> None:
     assert spec.loader is not None
     sys.modules[name] = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(sys.modules[name])
-
-
-@cache
-def _temporary_folder() -> str:
-    folder = tempfile.TemporaryDirectory(prefix="truing_")
-    atexit.register(folder.cleanup)
-    return folder.name

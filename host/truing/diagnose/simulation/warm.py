@@ -1,6 +1,7 @@
 """Compiles the simulation before anything waits for it.
 
-The machine code is kept in NUMBA_CACHE_DIR, so that this is done once for each state of the effects' files.
+The machine code is kept (`truing.model.code_cache`), so that this is done once for each state of the
+effects' files.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ FUNCTIONS = ("rollout.rollout", "rollout.slow", "ground.ground_motion", "ground.
 def is_compiled(kernel: Kernel) -> bool:
     """Whether the cache holds this simulation's machine code."""
     place = os.environ.get("NUMBA_CACHE_DIR")
-    if not place:
-        return False
-    files = {path.name for path in Path(place).glob(f"truing_kernel_{kernel.mark}_*/*.nbi")}
+    own = Path(str(kernel.stage.__file__)).parent / "__pycache__"
+    indices = Path(place).glob(f"truing_kernel_{kernel.mark}_*/*.nbi") if place else own.glob("*.nbi")
+    files = {path.name for path in indices}
     return all(any(file.startswith(f"{name}-") for file in files) for name in FUNCTIONS)
 
 
