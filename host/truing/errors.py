@@ -75,7 +75,9 @@ class RecordingError(FileError):
         if column is not None:
             places.append(f"column {column!r}")
         if row is not None:
-            places.append(f"row {row} (line {row + 1} of the file)")
+            # Columns in memory have a name without an ending, and no lines.
+            line = f" (line {row + 1} of the file)" if Path(path).suffix else ""
+            places.append(f"row {row}{line}")
         where = ", ".join(places)
         super().__init__(path, f"{where}: {problem}" if where else problem, next_step)
         self.column = column

@@ -20,7 +20,7 @@ from truing.recording.run import RecordingSet, Run, RunMetadata
 from truing.recording.writer import write_run
 from truing.report.figures import MAX_POINTS, run_figures, thin
 from truing.report.plot import path_window, render_png
-from truing.report.run_page import render_report, whole_fits
+from truing.report.run_page import render_report
 from truing.report.run_view import integrate_path, view_run
 
 PNG_MARK = b"\x89PNG\r\n\x1a\n"
@@ -96,7 +96,7 @@ def test_a_pivot_about_the_right_wheel_draws_a_circle_around_it() -> None:
 def test_an_effort_command_is_drawn_as_the_speed_it_asks_for() -> None:
     run = driven()
     recordings = RecordingSet("a robot", (run,), BASELINE)
-    fits = whole_fits(identify_set(recordings))
+    fits = identify_set(recordings).whole_fits
     view = view_run(run, BASELINE, fits)
     assert view.left.commanded is not None
     assert view.left.commanded.max() == pytest.approx(0.50 * 1.45, rel=1e-3)

@@ -21,7 +21,7 @@ MODULE_TABLES = {
 # Rooms of the host package whose README names their modules, in any place.
 HOST_ROOMS = ("exporters", "identify", "importers", "model", "studies/real", "trial")
 # Rooms without a README: host/README.md names their modules.
-PLAIN_ROOMS = ("board", "clock", "flash", "link", "log", "recording", "report", "studies", "virtual")
+PLAIN_ROOMS = ("api", "board", "clock", "flash", "link", "log", "recording", "report", "studies", "virtual")
 # README whose table names the folders beside it.
 FOLDER_TABLES = ("firmware/README.md", "hil_sim/README.md", "tests/README.md")
 # Markdown files, or folders of them.

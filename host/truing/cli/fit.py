@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from truing.cli.app import App
-from truing.cli.options import json_option
+from truing.cli.options import geometry_options, json_option
+
+if TYPE_CHECKING:
+    from truing.recording.baseline import RobotGeometry
 
 
 @click.command()
@@ -17,7 +21,7 @@ from truing.cli.options import json_option
     "--model",
     metavar="BASELINE.TOML",
     type=click.Path(path_type=Path),
-    help="Geometry that turns counts into metres.  [default: the baseline.toml beside the runs]",
+    help="Geometry that turns counts into metres.  [default: the baseline.toml beside the runs, if any]",
 )
 @click.option(
     "--more", is_flag=True, help="Also try breakaway, Stribeck, asymmetry, lags, filters, drag, supply."
@@ -30,9 +34,16 @@ from truing.cli.options import json_option
     "--report", metavar="DIR", type=click.Path(file_okay=False, path_type=Path),
     help="Write report.html (interactive), fit.json, and every table as CSV and PNG.",
 )  # fmt: skip
+@geometry_options
 @json_option
 def command(
-    app: App, runs: Path, model: Path | None, more: bool, out: Path | None, report: Path | None
+    app: App,
+    runs: Path,
+    model: Path | None,
+    more: bool,
+    out: Path | None,
+    report: Path | None,
+    geometry: RobotGeometry,
 ) -> None:
     """Fit models to RUNS: a recording set, a folder of CSV files, one CSV file, or a file
     of another program (`truing import --help` lists them).
@@ -44,6 +55,7 @@ def command(
     \b
     Examples:
       truing fit my_robot
+      truing fit run.csv --counts-per-rev 2400 --wheel-radius 0.035
       truing fit my_robot --more --out out/my_robot/model.toml
       truing fit my_robot --report out/my_robot/fit
     """
@@ -58,7 +70,7 @@ def command(
     for path, folder in ((out, False), (report, True)):
         if path is not None:
             check_output(path, folder=folder)
-    recordings = read_runs(runs, model)
+    recordings = read_runs(runs, model, geometry=geometry)
     with app.progress("fitting") as progress:
         models = fit_models(recordings, richer=more, progress=progress)
     app.emit(models.to_json())

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import click
 
 from truing.cli.app import App
-from truing.cli.options import json_option
+from truing.cli.options import geometry_options, json_option
 
 if TYPE_CHECKING:
     from truing.identify.identification import Identification
+    from truing.recording.baseline import RobotGeometry
 
 
 @click.command()
@@ -20,15 +21,27 @@ if TYPE_CHECKING:
     "--model",
     metavar="BASELINE.TOML",
     type=click.Path(path_type=Path),
-    help="Geometry that turns counts into metres.  [default: the baseline.toml beside the runs]",
+    help="Geometry that turns counts into metres.  [default: the baseline.toml beside the runs, if any]",
 )
 @click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder for report.html, a PNG of each run, and the tables as CSV and JSON.",
 )
+@click.option(
+    "--write-baseline", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
+    help="Write gains, time constants and geometry as a baseline.toml.",
+)  # fmt: skip
+@geometry_options
 @json_option
-def command(app: App, runs: Path, model: Path | None, out: Path | None) -> None:
+def command(
+    app: App,
+    runs: Path,
+    model: Path | None,
+    out: Path | None,
+    write_baseline: Path | None,
+    geometry: RobotGeometry,
+) -> None:
     """Print gain and time constants of RUNS: a recording set, a folder of CSV files, one CSV file,
     or a file of another program (`truing import --help` lists them).
 
@@ -39,6 +52,7 @@ def command(app: App, runs: Path, model: Path | None, out: Path | None) -> None:
     Examples:
       truing identify out/recordings/virtual
       truing identify my_robot --model baseline.toml --out out/my_robot
+      truing identify run.csv --counts-per-rev 2400 --wheel-radius 0.035 --write-baseline baseline.toml
       truing identify my_robot/runs/01_step.csv --json
       truing identify sysid_data.json
     """
@@ -48,11 +62,16 @@ def command(app: App, runs: Path, model: Path | None, out: Path | None) -> None:
 
     if out is not None:
         check_output(out, folder=True)
-    recordings = read_runs(runs, model)
+    if write_baseline is not None:
+        check_output(write_baseline)
+    recordings = read_runs(runs, model, geometry=geometry)
     with app.progress("identifying") as progress:
         result = identify_set(recordings, progress)
     app.emit(result.to_json())
     show(app, result)
+    if write_baseline is not None:
+        result.robot_model().save(write_baseline)
+        app.say(f"written: {write_baseline}")
     if out is not None:
         from truing.report.identification_files import save_identification
 

@@ -28,6 +28,28 @@ def json_option(function: Command) -> Command:
     return wrapper  # type: ignore[return-value]
 
 
+def geometry_options(function: Command) -> Command:
+    """`--counts-per-rev`, `--wheel-radius`, `--wheelbase`: what turns counts into metres, as `geometry`."""
+    positive = click.FloatRange(min=0.0, min_open=True)
+
+    @click.option("--counts-per-rev", type=positive, help="Encoder counts per turn of a wheel.")
+    @click.option("--wheel-radius", metavar="METRES", type=positive, help="Radius of the wheels.")
+    @click.option("--wheelbase", metavar="METRES", type=positive, help="Distance between the wheels.")
+    @functools.wraps(function)
+    def wrapper(
+        *args: Any,
+        counts_per_rev: float | None,
+        wheel_radius: float | None,
+        wheelbase: float | None,
+        **kwargs: Any,
+    ) -> Any:
+        from truing.recording.geometry import given_geometry
+
+        return function(*args, geometry=given_geometry(counts_per_rev, wheel_radius, wheelbase), **kwargs)
+
+    return wrapper  # type: ignore[return-value]
+
+
 def virtual_options(function: Command) -> Command:
     """`--seed`, `--robot`, `--image`: which virtual board."""
     options = (

@@ -37,7 +37,7 @@ def command(app: App, runs: Path, model: Path | None, out: Path | None) -> None:
     from truing.identify.identification import identify_set
     from truing.importers import read_runs
     from truing.report.plot import save_png
-    from truing.report.run_page import save_report, whole_fits
+    from truing.report.run_page import save_report
     from truing.report.run_view import view_run
     from truing.workspace import out_folder
 
@@ -47,7 +47,7 @@ def command(app: App, runs: Path, model: Path | None, out: Path | None) -> None:
     with app.progress("drawing") as progress:
         result = identify_set(recordings, lambda share: progress(0.3 * share))
         for number, run in enumerate(recordings, start=1):
-            view = view_run(run, recordings.baseline, whole_fits(result))
+            view = view_run(run, recordings.robot, result.whole_fits)
             written.append(save_png(view, folder / f"{run.name}.png"))
             progress(0.3 + 0.6 * number / len(recordings))
         written.append(save_report(recordings, result, folder / "report.html"))

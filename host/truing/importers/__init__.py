@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping as AnyMapping
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from truing.errors import RecordingError
 from truing.recording.run import MINIMUM_ROWS
@@ -11,7 +13,10 @@ from truing.recording.run import MINIMUM_ROWS
 from .foreign import Finding, ForeignTest, Imported, ImportOptions, to_run
 from .recording_set import read_runs
 
-__all__ = ["Finding", "ImportOptions", "Imported", "import_file", "is_foreign", "read_runs"]
+if TYPE_CHECKING:
+    from .mapping import Mapping
+
+__all__ = ["Finding", "ImportOptions", "Imported", "import_file", "import_table", "is_foreign", "read_runs"]
 
 HEAD_BYTES = 4096
 
@@ -57,8 +62,6 @@ def import_file(path: Path, options: ImportOptions | None = None) -> Imported:
     ------
     RecordingError : no importer knows the file, or it is damaged; names the place.
     """
-    from .traps import inspect
-
     options = options or ImportOptions()
     head = _head(path)
     importer = next((item for item in importers() if item.matches(path, head)), None)
@@ -66,6 +69,30 @@ def import_file(path: Path, options: ImportOptions | None = None) -> Imported:
         kinds = ", ".join(item.KIND for item in importers())
         raise RecordingError(path, "no importer knows this file", next_step=f"Known kinds: {kinds}")
     tests, findings = importer.read(path, options)
+    return _imported(path, importer.KIND, tests, findings, options)
+
+
+def import_table(
+    table: AnyMapping[str, Sequence[Any]], name: str, mapping: Mapping, options: ImportOptions | None = None
+) -> Imported:
+    """Columns in memory as runs, by a mapping; `name` stands in errors for the file.
+
+    Raises
+    ------
+    RecordingError : a column is missing, or holds what is no number; names it and the row.
+    """
+    from .mapping import apply
+
+    source = Path(name)
+    return _imported(source, "table", apply(mapping, table, source), [], options or ImportOptions())
+
+
+def _imported(
+    path: Path, kind: str, tests: list[ForeignTest], findings: list[Finding], options: ImportOptions
+) -> Imported:
+    """Tests as runs, once they have been looked at."""
+    from .traps import inspect
+
     kept = [test for test in tests if test.time.size >= MINIMUM_ROWS]
     findings += [
         Finding("too_short", f"only {test.time.size} rows; left out", test.name)
@@ -76,7 +103,7 @@ def import_file(path: Path, options: ImportOptions | None = None) -> Imported:
         raise RecordingError(path, f"no test has the {MINIMUM_ROWS} rows that a run needs")
     findings += inspect(path, kept)
     runs = tuple(to_run(test, number, options, path, findings) for number, test in enumerate(kept, start=1))
-    return Imported(path, importer.KIND, runs, tuple(findings))
+    return Imported(path, kind, runs, tuple(findings))
 
 
 def _head(path: Path) -> bytes:

@@ -5,11 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from truing.arrays import FloatArray
 from truing.recording.run import Run, RunMetadata
+
+if TYPE_CHECKING:
+    from .mapping import Mapping
 
 # The nominal supply that a fraction of effort is taken of where a file gives volts: WPILib's own reference.
 NOMINAL_VOLTAGE_V = 12.0
@@ -25,7 +29,7 @@ class ImportOptions:
     metres_per_unit : wheel travel at the rim per unit of the file's positions, m.
     wheelbase_m : distance between the wheels, m; needed where only body speeds are commanded.
     full_speed_mps : wheel speed that counts as effort 1 where speeds are commanded and no effort is recorded.
-    mapping : a mapping file (mapped_csv.py), or None to look for one beside the data.
+    mapping : a mapping, its file, or None to look for one beside the data.
     spins : whether tests that turn the robot on the spot are wanted.
     """
 
@@ -33,7 +37,7 @@ class ImportOptions:
     metres_per_unit: float | None = None
     wheelbase_m: float | None = None
     full_speed_mps: float | None = None
-    mapping: Path | None = None
+    mapping: Path | Mapping | None = None
     spins: bool = True
 
 

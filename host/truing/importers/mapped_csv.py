@@ -8,7 +8,7 @@ from pathlib import Path
 from truing.errors import RecordingError
 
 from .foreign import Finding, ForeignTest, ImportOptions
-from .mapping import EXAMPLE, apply, read_mapping
+from .mapping import EXAMPLE, Mapping, apply, read_mapping
 
 KIND = "CSV with a mapping"
 
@@ -20,12 +20,14 @@ def matches(path: Path, head: bytes) -> bool:
     )
 
 
-def find_mapping(path: Path, options: ImportOptions) -> Path:
-    """The mapping that was asked for, or `<name>.mapping.toml` or `mapping.toml` beside the file."""
+def find_mapping(path: Path, options: ImportOptions) -> Mapping:
+    """The mapping that was asked for, or that of `<name>.mapping.toml` or `mapping.toml` beside the file."""
+    if isinstance(options.mapping, Mapping):
+        return options.mapping
     candidates = [path.with_name(f"{path.name.split('.')[0]}.mapping.toml"), path.with_name("mapping.toml")]
     for candidate in [options.mapping] if options.mapping else candidates:
         if candidate.exists():
-            return candidate
+            return read_mapping(candidate)
     if options.mapping:
         raise RecordingError(options.mapping, "no such mapping file")
     names = " or ".join(candidate.name for candidate in candidates)
@@ -38,7 +40,7 @@ def find_mapping(path: Path, options: ImportOptions) -> Path:
 
 def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Finding]]:
     """The file's rows, as the mapping says."""
-    mapping = read_mapping(find_mapping(path, options))
+    mapping = find_mapping(path, options)
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             sample = stream.read(4096)

@@ -67,6 +67,11 @@ def read_mapping(path: Path) -> Mapping:
         tree = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise FileError(path, f"cannot be read as a mapping: {error}") from None
+    return parse_mapping(tree, path)
+
+
+def parse_mapping(tree: AnyMapping[str, Any], path: Path) -> Mapping:
+    """A mapping from the content of its file; errors name `path` and the key."""
     raw = tree.get("columns")
     if not isinstance(raw, dict) or not raw:
         raise FileError(path, "has no [columns] table", EXAMPLE)

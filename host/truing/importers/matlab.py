@@ -12,7 +12,7 @@ from truing.recording.run import NUMERIC_COLUMNS
 
 from .foreign import Finding, ForeignTest, ImportOptions
 from .mapped_csv import find_mapping
-from .mapping import Mapping, Source, apply, read_mapping
+from .mapping import Mapping, Source, apply
 
 KIND = "MATLAB .mat"
 
@@ -28,7 +28,7 @@ def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Fi
     own = {name: Source(name) for name in table if name in NUMERIC_COLUMNS}
     if options.mapping is None and {"t_s", "effort_left", "effort_right"} <= own.keys():
         return apply(Mapping(path, own), table, path), []
-    return apply(read_mapping(find_mapping(path, options)), table, path), []
+    return apply(find_mapping(path, options), table, path), []
 
 
 def read_vectors(path: Path) -> dict[str, list[float]]:

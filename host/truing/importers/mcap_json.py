@@ -20,7 +20,7 @@ from truing.errors import CutOffError, RecordingError
 
 from .foreign import Finding, ForeignTest, ImportOptions
 from .mapped_csv import find_mapping
-from .mapping import Mapping, apply, read_mapping
+from .mapping import Mapping, apply
 
 KIND = "MCAP with JSON messages"
 MAGIC = b"\x89MCAP0\r\n"
@@ -73,7 +73,7 @@ def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Fi
         raise RecordingError(path, "holds no whole JSON message")
     for channel in channels.values():
         channel.sort()
-    mapping = read_mapping(find_mapping(path, options))
+    mapping = find_mapping(path, options)
     return apply(mapping, _table(path, mapping, channels, texts), path), findings
 
 

@@ -35,6 +35,17 @@ class RobotGeometry:
             return None
         return 2.0 * math.pi * self.wheel_radius_m / self.counts_per_rev
 
+    def or_else(self, other: RobotGeometry | None) -> RobotGeometry:
+        """The geometry, with what it does not say taken from another one."""
+        if other is None:
+            return self
+        return RobotGeometry(
+            self.name or other.name,
+            other.wheel_radius_m if self.wheel_radius_m is None else self.wheel_radius_m,
+            other.wheelbase_m if self.wheelbase_m is None else self.wheelbase_m,
+            other.counts_per_rev if self.counts_per_rev is None else self.counts_per_rev,
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Baseline:

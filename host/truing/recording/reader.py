@@ -39,7 +39,7 @@ def read_run(path: str | Path) -> Run:
     """
     path = Path(path)
     rows, numbers_ok = _split(path, _read_text(path))
-    header = _check_header(path, rows[0])
+    header = check_header(path, rows[0])
     body = _check_shape(path, header, rows[1:])
 
     columns: dict[str, FloatArray] = {}
@@ -56,7 +56,7 @@ def read_run(path: str | Path) -> Run:
                 text_columns[name] = cells
             else:
                 columns[name] = unknown
-    _check_time(path, columns["t_s"])
+    check_time(path, columns["t_s"])
     metadata, warnings = _read_metadata(path)
     return Run(path.stem, columns, mode, text_columns, tuple(header), path, metadata, warnings)
 
@@ -152,7 +152,8 @@ def _split(path: Path, text: str) -> tuple[list[list[str]], bool]:
     return rows, text.find("_", text.find("\n")) < 0
 
 
-def _check_header(path: Path, cells: list[str]) -> list[str]:
+def check_header(path: Path, cells: list[str]) -> list[str]:
+    """The names of a run's columns without the spaces around them, the required ones among them."""
     header = [cell.strip() for cell in cells]
     if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
         raise RecordingError(path, "the header is not comma separated", next_step="Save the file with commas")
@@ -253,7 +254,8 @@ def _unknown_numbers(cells: tuple[str, ...]) -> FloatArray | None:
         return None
 
 
-def _check_time(path: Path, t_s: FloatArray) -> None:
+def check_time(path: Path, t_s: FloatArray) -> None:
+    """Check that time, shape (n,), s, runs forward."""
     backwards = np.flatnonzero(np.diff(t_s) < 0.0)
     if backwards.size:
         row = int(backwards[0]) + 1

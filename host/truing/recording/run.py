@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 
 from truing.arrays import FloatArray
 from truing.errors import IdentifyError
-from truing.recording.baseline import Baseline
+from truing.recording.baseline import Baseline, RobotGeometry
+from truing.recording.frames import preformatted, to_frame
 
 Wheel: TypeAlias = Literal["left", "right"]
 SpeedSource: TypeAlias = Literal["ticks", "vel", "pos"]
+# What says how far a wheel travels per encoder count.
+Geometry: TypeAlias = Baseline | RobotGeometry
 
 WHEELS: tuple[Wheel, Wheel] = ("left", "right")
 MODES = ("idle", "effort", "velocity")
@@ -122,6 +125,24 @@ class Run:
         interval = self.interval_s
         return 1.0 / interval if interval > 0.0 else 0.0
 
+    def to_dict(self) -> dict[str, FloatArray]:
+        """The columns that hold numbers, each of shape (n,), by name: what any frame library takes."""
+        return dict(self.columns)
+
+    def to_frame(self) -> Any:
+        """The columns that hold numbers as a pandas (else polars) frame of n rows.
+
+        Raises
+        ------
+        TruingError
+            Neither library is installed.
+        """
+        return to_frame(self.columns)
+
+    def __str__(self) -> str:
+        rate = f"{self.rate_hz:.4g} Hz"
+        return f"{self.name}: {len(self)} rows, {self.duration_s:.4g} s at {rate}"
+
     def gaps(self) -> NDArray[np.intp]:
         """Rows (index into the arrays) that come right after a gap, in order."""
         return np.flatnonzero(np.diff(self.t_s) > GAP_FACTOR * self.interval_s) + 1
@@ -145,7 +166,7 @@ class Run:
         x_m, y_m, theta_rad = (self.columns[name] for name in ODOMETRY_COLUMNS)
         return x_m, y_m, theta_rad
 
-    def travel(self, wheel: Wheel, baseline: Baseline | None) -> FloatArray | None:
+    def travel(self, wheel: Wheel, baseline: Geometry | None) -> FloatArray | None:
         """Wheel travel at the rim since the first row, shape (n,), m.
 
         From counts (with the baseline's radius and counts per revolution), else from positions,
@@ -164,7 +185,7 @@ class Run:
         from_start: FloatArray = travel - travel[0]
         return from_start
 
-    def speed(self, wheel: Wheel, baseline: Baseline | None = None) -> WheelSpeed:
+    def speed(self, wheel: Wheel, baseline: Geometry | None = None) -> WheelSpeed:
         """Wheel speed from the best source that the run has.
 
         Counts come first: they are exact, and no filter has touched them. Then the speed that
@@ -183,18 +204,49 @@ class Run:
             return WheelSpeed(_difference(self.t_s, travel), "pos", 0.0)
         raise IdentifyError(
             f"{self.path or self.name}: it has encoder counts only, and nothing says how far one count is",
-            "Give --model a baseline.toml whose [robot] has wheel_radius_m and counts_per_rev",
+            "Give --counts-per-rev and --wheel-radius (truing.read: counts_per_rev, wheel_radius_m), or "
+            "--model a baseline.toml whose [robot] has both",
         )
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingSet:
-    """Runs of one robot in the order they were recorded, with the baseline beside them, if any."""
+    """Runs of one robot in the order they were recorded, with the baseline beside them, if any.
+
+    Attributes
+    ----------
+    geometry : of the robot where it was given without a baseline, or to correct one.
+    """
 
     name: str
     runs: tuple[Run, ...]
     baseline: Baseline | None = None
     path: Path | None = None
+    geometry: RobotGeometry | None = None
+
+    @property
+    def robot(self) -> RobotGeometry | None:
+        """The robot's geometry as given, else as the baseline has it, or None."""
+        if self.geometry is not None or self.baseline is None:
+            return self.geometry
+        return self.baseline.robot
+
+    def __str__(self) -> str:
+        total = sum(run.duration_s for run in self.runs)
+        count = "1 run" if len(self) == 1 else f"{len(self)} runs"
+        known = "with a baseline" if self.baseline is not None else "without a baseline"
+        return "\n".join(
+            [f"{self.name}: {count}, {total:.4g} s, {known}", *(f"  {run}" for run in self.runs)]
+        )
+
+    def _repr_html_(self) -> str:
+        return preformatted(str(self))
+
+    def with_geometry(self, given: RobotGeometry) -> RecordingSet:
+        """The same runs of a robot with these numbers; what is not given stays as it is known."""
+        robot = given.or_else(self.robot)
+        baseline = None if self.baseline is None else replace(self.baseline, robot=robot)
+        return replace(self, geometry=robot, baseline=baseline)
 
     def __iter__(self) -> Iterator[Run]:
         return iter(self.runs)

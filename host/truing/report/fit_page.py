@@ -47,7 +47,7 @@ def save_fit(recordings: RecordingSet, models: SetModels, folder: Path, progress
 
 def _simulations(run: Run, recordings: RecordingSet, models: SetModels) -> dict[Wheel, Simulation]:
     return {
-        wheel.wheel: simulate(wheel.chosen.physics, run, wheel.wheel, recordings.baseline)
+        wheel.wheel: simulate(wheel.chosen.physics, run, wheel.wheel, recordings.robot)
         for wheel in models.wheels
     }
 

@@ -14,7 +14,7 @@ from truing.recording.writer import replace_file
 from truing.report.overlays import overlays, save_overlay
 from truing.report.plot import save_png
 from truing.report.png import save_table
-from truing.report.run_page import save_report, whole_fits
+from truing.report.run_page import save_report
 from truing.report.run_view import view_run
 
 
@@ -53,7 +53,7 @@ def save_identification(
             save_overlay(overlay, folder / f"{overlay.name}.png") for overlay in overlays(recordings, result)
         ]
     for number, run in enumerate(recordings, start=1):
-        view = view_run(run, recordings.baseline, whole_fits(result))
+        view = view_run(run, recordings.robot, result.whole_fits)
         written.append(save_png(view, folder / f"{run.name}.png"))
         if progress is not None:
             progress(number / len(recordings))

@@ -108,7 +108,7 @@ def _overlay(recordings: RecordingSet, mode: str, count: int, runs: list[RunIden
             first = steps[0].start_s
             middle = run.t_s - 0.5 * np.diff(run.t_s, prepend=run.t_s[0]) - first
             shown = middle >= -LEAD_S
-            speed = run.speed(wheel, recordings.baseline).values / (largest * (gain or 1.0))
+            speed = run.speed(wheel, recordings.robot).values / (largest * (gain or 1.0))
             levels = tuple(
                 (step.start_s - first, step.start_s - first + step.duration_s, step.input / largest)
                 for step in steps

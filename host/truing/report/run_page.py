@@ -13,10 +13,9 @@ from typing import Any
 
 from truing import __version__
 from truing.identify.data_checks import summarise
-from truing.identify.first_order import FirstOrderFit
 from truing.identify.identification import Identification
 from truing.identify.tables import PlainTable, fits_csv, result_tables, steps_csv, unstepped
-from truing.recording.run import RecordingSet, Run, RunMetadata, Wheel
+from truing.recording.run import RecordingSet, Run, RunMetadata
 from truing.recording.writer import replace_file
 from truing.report.figures import run_figures
 from truing.report.overlays import Overlay, overlay_figure, overlays
@@ -32,7 +31,7 @@ def save_report(recordings: RecordingSet, result: Identification, path: str | Pa
 
 def render_report(recordings: RecordingSet, result: Identification) -> str:
     """The whole page; it depends on nothing but the recordings and the result."""
-    views = [view_run(run, recordings.baseline, whole_fits(result)) for run in recordings]
+    views = [view_run(run, recordings.robot, result.whole_fits) for run in recordings]
     figures = {
         f"{kind}-{number}": figure
         for number, view in enumerate(views, start=1)
@@ -60,14 +59,6 @@ def render_report(recordings: RecordingSet, result: Identification) -> str:
     )
 
 
-def whole_fits(result: Identification) -> dict[Wheel, FirstOrderFit]:
-    """The fit of each wheel that holds for the whole set (the first one made)."""
-    fits: dict[Wheel, FirstOrderFit] = {}
-    for fit in result.fits:
-        fits.setdefault(fit.wheel, fit)
-    return fits
-
-
 def _lead(recordings: RecordingSet) -> str:
     total = sum(run.duration_s for run in recordings)
     count = "One run" if len(recordings) == 1 else f"{len(recordings)} runs"
@@ -81,9 +72,8 @@ def _set_facts(recordings: RecordingSet, result: Identification) -> dict[str, st
         "Log rate": ", ".join(f"{rate:g} Hz" for rate in rates),
         "Wheel speed from": ", ".join(sorted({sources[run.source] for run in result.runs})),
     }
-    baseline = recordings.baseline
-    if baseline is not None and baseline.robot is not None:
-        robot = baseline.robot
+    robot = recordings.robot
+    if robot is not None:
         facts |= {
             name: f"{value:g}{unit}"
             for name, value, unit in (

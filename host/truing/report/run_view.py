@@ -9,8 +9,7 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.identify.first_order import FirstOrderFit, WheelData
-from truing.recording.baseline import Baseline
-from truing.recording.run import WHEELS, Run, RunMetadata, Wheel
+from truing.recording.run import WHEELS, Geometry, Run, RunMetadata, Wheel
 
 # Blue and vermilion of Okabe and Ito's palette: apart for every kind of colour vision, and in grey.
 COLOURS: dict[Wheel, str] = {"left": "#0072B2", "right": "#D55E00"}
@@ -95,7 +94,7 @@ class RunView:
 
 
 def view_run(
-    run: Run, baseline: Baseline | None = None, fits: dict[Wheel, FirstOrderFit] | None = None
+    run: Run, baseline: Geometry | None = None, fits: dict[Wheel, FirstOrderFit] | None = None
 ) -> RunView:
     """Collect what pictures of a run show.
 
@@ -121,7 +120,7 @@ def view_run(
     )
 
 
-def _view_wheel(run: Run, wheel: Wheel, baseline: Baseline | None, fit: FirstOrderFit | None) -> WheelView:
+def _view_wheel(run: Run, wheel: Wheel, baseline: Geometry | None, fit: FirstOrderFit | None) -> WheelView:
     gaps = run.gaps()
     command = run.command(wheel)
     commanded = None
@@ -146,7 +145,7 @@ def _broken(values: FloatArray, gaps: np.ndarray[tuple[int], np.dtype[np.intp]])
     return out
 
 
-def _view_path(run: Run, baseline: Baseline | None) -> tuple[PathView | None, str]:
+def _view_path(run: Run, baseline: Geometry | None) -> tuple[PathView | None, str]:
     reference = None
     if "truth_x_m" in run.columns and "truth_y_m" in run.columns:
         reference = (run.columns["truth_x_m"], run.columns["truth_y_m"])
