@@ -1,8 +1,8 @@
 """What moves when a tuned constant of `truing.diagnose` is changed by 30 %; run it with --help for options.
 
 The table docs/CONSTANTS.md names every constant with a literal numeric value, its stated reason (the comment
-above it), and how the diagnoses of a panel of recording sets change. Measurements are kept as JSON lines in
-out/bench/constants.jsonl and taken up again by the next call with the same panel.
+above it), and how the diagnoses of a panel of recording sets change. The page is written after each
+measurement, and the next call with the same panel goes on from what it says.
 """
 
 from __future__ import annotations
@@ -26,11 +26,14 @@ if __name__ == "__main__":
 
 DIAGNOSE = ROOT / "host" / "truing" / "diagnose"
 PAGE = ROOT / "docs" / "CONSTANTS.md"
-KEPT = ROOT / "out" / "bench" / "constants.jsonl"
 CHANGES = (1.3, 0.7)
 STATUSES = ("tuned", "compiled", "presentation", "fixed")
+NOT_MEASURED = "not measured"
+PANEL = "- Panel: "
+VERDICTS = "; verdicts as they are: "
 Value = float | tuple[float, ...]
 Outcome = list[list[str]]
+Marks = dict[tuple[str, str, str, float], str]  # what moves, by file, name, value and factor
 
 # Measured first: the modules in which the verdict is made.
 FIRST = (
@@ -40,7 +43,7 @@ FIRST = (
 # Values that physics, statistics, a format or a layout in memory fixes.
 NOT_TUNED = {
     "GRAVITY", "NORMAL_975", "CHI2_95", "SCHEMA", "BASELINE_PARAMETERS", "COUNTER_SPANS", "WHOLE_RUN",
-    "NO_EVENT", "PAST", "MEETING", "BAR_PX", "HEADER_PX",
+    "NO_EVENT", "KEPT_JACOBIANS", "PAST", "MEETING", "BAR_PX", "HEADER_PX",
 }  # fmt: skip
 # The numbers in these are frozen when numba compiles the simulation.
 COMPILED_FOLDER = "simulation/kernel/"
@@ -210,53 +213,62 @@ def difference(before: Outcome, after: Outcome) -> str:
 
 
 def default_panel(folder: Path) -> list[Path]:
-    """Two small sets of a first-order robot: as its baseline says, and with another time constant."""
+    """What is at hand everywhere: the example, and a first-order robot with another time constant."""
     from support import recorded_sets
 
     slower = recorded_sets.BASELINE_TOML.replace("= 0.35", "= 0.25")
-    plain = recorded_sets.write_set(folder / "plain", 2)
-    return [plain, recorded_sets.write_set(folder / "wrong_time_constant", 2, model=slower)]
+    return [
+        ROOT / "docs" / "example",
+        recorded_sets.write_set(folder / "wrong_time_constant", 2, model=slower),
+    ]
 
 
-def measure(panel: list[Path], minutes: float) -> None:
-    """Measure what has not been measured with this panel, until the time is over."""
-    key = [path.name for path in panel]
-    lines = [line for line in _kept() if line["panel"] == key]
-    done = {(line["file"], line["name"], line["value"], line["factor"]) for line in lines}
+def measure(sets: list[Path], panel: str, minutes: float) -> None:
+    """Measure what the page does not say of this panel yet, until the time is over."""
+    said, marks = read_page()
+    marks = marks if said.startswith(panel + VERDICTS) else {}
     end = time.monotonic() + 60.0 * minutes
-    for path in panel:  # compiles the simulation
+    for path in sets:  # compiles the simulation
         outcome(path)
     began = time.process_time()
-    before = [outcome(path) for path in panel]
+    before = [outcome(path) for path in sets]
+    panel += VERDICTS + ", ".join(one[0] for one in before)
     print(f"{time.process_time() - began:.1f} s CPU a panel; {before}", file=sys.stderr, flush=True)
-    KEPT.parent.mkdir(parents=True, exist_ok=True)
+    for constant, factor in missing(marks):
+        if time.monotonic() > end:
+            break
+        after = outcomes_with(constant, factor, lambda: [outcome(path) for path in sets])
+        marks[key(constant, factor)] = difference(before, after)
+        print(f"{constant.name} {factor}: {marks[key(constant, factor)]}", file=sys.stderr, flush=True)
+        PAGE.write_text(page(panel, marks), encoding="utf-8")
+
+
+def missing(marks: Marks) -> list[tuple[Constant, float]]:
+    """Tuned constants, and the factors by which they have not been changed yet."""
     tuned = [constant for constant in constants() if constant.status == "tuned"]
-    for number, constant in enumerate(tuned, start=1):
-        for factor in CHANGES:
-            if (constant.file, constant.name, str(constant.value), factor) in done:
-                continue
-            if time.monotonic() > end:
-                return
-            after = outcomes_with(constant, factor, lambda: [outcome(path) for path in panel])
-            line = {"panel": key, "file": constant.file, "name": constant.name, "value": str(constant.value)}
-            line |= {
-                "factor": factor,
-                "moves": difference(before, after),
-                "before": [one[0] for one in before],
-            }
-            with KEPT.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(line) + "\n")
-            print(
-                f"{number}/{len(tuned)} {constant.name} {factor}: {line['moves']}",
-                file=sys.stderr,
-                flush=True,
-            )
+    return [(one, factor) for one in tuned for factor in CHANGES if key(one, factor) not in marks]
 
 
-def _kept() -> list[dict[str, object]]:
-    if not KEPT.exists():
-        return []
-    return [json.loads(line) for line in KEPT.read_text(encoding="utf-8").splitlines()]
+def key(constant: Constant, factor: float) -> tuple[str, str, str, float]:
+    """Where a constant's measurement is kept: another value has not been measured."""
+    return constant.file, constant.name, shown(constant.value), factor
+
+
+def read_page() -> tuple[str, Marks]:
+    """The panel, with its verdicts, and what moves."""
+    panel, marks, file = "", Marks(), ""
+    for line in PAGE.read_text(encoding="utf-8").splitlines():
+        if line.startswith(PANEL):
+            panel = line.removeprefix(PANEL).removesuffix(".")
+        elif line.startswith("## "):
+            file = line.removeprefix("## ")
+        elif line.startswith("| `"):
+            cells = [cell.strip() for cell in line.strip("| ").split(" | ")]
+            name, value = cells[0].strip("`"), cells[1]
+            for factor, mark in zip(CHANGES, cells[-2:], strict=True):
+                if mark != NOT_MEASURED and mark not in STATUSES:
+                    marks[file, name, value, factor] = mark
+    return panel, marks
 
 
 HEAD = """# Tuned constants of `truing diagnose`
@@ -269,47 +281,41 @@ a constant matters, not that it does not matter on other recordings.
 """
 
 
-def page(panel: str) -> str:
-    """The table as Markdown, from what was measured with the last panel."""
-    lines = _kept()
-    last = [line for line in lines if line["panel"] == lines[-1]["panel"]]
-    moves = {(x["file"], x["name"], x["value"], x["factor"]): str(x["moves"]) for x in last}
+def page(panel: str, marks: Marks) -> str:
+    """The table as Markdown."""
     every = constants()
     counts = {kind: sum(c.status == kind for c in every) for kind in STATUSES}
-    both = [[moves.get((c.file, c.name, str(c.value), factor)) for factor in CHANGES] for c in every]
-    measured = [pair for pair in both if None not in pair]
+    pairs = [[marks.get(key(c, factor), NOT_MEASURED) for factor in CHANGES] for c in every]
+    measured = [pair for pair in pairs if NOT_MEASURED not in pair]
     still = sum(pair == ["no verdict moves"] * 2 for pair in measured)
     text = [
         HEAD,
         f"- {len(every)} constants: " + ", ".join(f"{count} {kind}" for kind, count in counts.items()) + ".",
-        f"- Panel: {panel}{_verdicts(last)}.",
+        f"{PANEL}{panel}.",
         f"- Measured both ways: {len(measured)} of {counts['tuned']}; of these, {still} move nothing.",
     ]
     file = ""
-    for constant, pair in zip(every, both, strict=True):
+    for constant, pair in zip(every, pairs, strict=True):
         if constant.file != file:
             file = constant.file
             head = "| constant | value | stated reason | +30 % | -30 % |"
             text += ["", f"## {file}", "", head, "| --- " * 5 + "|"]
-        marks = pair if constant.status == "tuned" else [constant.status] * 2
-        text.append(_row(constant, [mark or "not measured" for mark in marks]))
+        text.append(_row(constant, pair if constant.status == "tuned" else [constant.status] * 2))
     return "\n".join(text) + "\n"
 
 
-def _verdicts(lines: list[dict[str, object]]) -> str:
-    before = lines[0]["before"] if lines else []
-    assert isinstance(before, list)
-    return "; verdicts as they are: " + ", ".join(map(str, before)) if before else ""
+def shown(value: Value) -> str:
+    """A value as the table writes it."""
+    return ", ".join(f"{v:g}" for v in value) if isinstance(value, tuple) else f"{value:g}"
 
 
 def _row(constant: Constant, marks: list[str]) -> str:
-    value = constant.value
-    shown = ", ".join(f"{v:g}" for v in value) if isinstance(value, tuple) else f"{value:g}"
-    room = 130 - len(f"| `{constant.name}` | {shown} |  | {marks[0]} | {marks[1]} |")
+    value = shown(constant.value)
+    room = 130 - len(f"| `{constant.name}` | {value} |  | {marks[0]} | {marks[1]} |")
     reason = (constant.reason or "none stated").replace("|", "/")
     if len(reason) > room:
         reason = reason[: max(room - 3, 0)].rsplit(" ", 1)[0] + "..."
-    return f"| `{constant.name}` | {shown} | {reason} | {marks[0]} | {marks[1]} |"
+    return f"| `{constant.name}` | {value} | {reason} | {marks[0]} | {marks[1]} |"
 
 
 def main(arguments: list[str]) -> int:
@@ -317,18 +323,14 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("sets", nargs="*", type=Path, help="folders of recordings; two made ones if none")
+    parser.add_argument("sets", nargs="*", type=Path, help="sets beside docs/example and a made one")
     parser.add_argument("--minutes", type=float, default=math.inf, help="measure no longer than this")
-    parser.add_argument("--panel", default="", help="what the panel is, for the head of the table")
     options = parser.parse_args(arguments)
-    with tempfile.TemporaryDirectory() as made:
-        panel = options.sets or default_panel(Path(made))
-        if options.minutes > 0:
-            measure(panel, options.minutes)
-        description = options.panel or ", ".join(path.name for path in panel)
-        if not _kept():
-            description = "none measured yet"
-    PAGE.write_text(page(description), encoding="utf-8")
+    if options.minutes > 0:
+        with tempfile.TemporaryDirectory() as made:
+            sets = [*default_panel(Path(made)), *options.sets]
+            measure(sets, ", ".join(path.name for path in sets), options.minutes)
+    PAGE.write_text(page(*read_page()), encoding="utf-8")
     return 0
 
 

@@ -12,10 +12,6 @@ sys.path.insert(0, str(ROOT / "tests"))
 from bench import constants  # noqa: E402
 
 
-def shown(value: constants.Value) -> str:
-    return ", ".join(f"{part:g}" for part in (value if isinstance(value, tuple) else (value,)))
-
-
 def test_the_table_names_every_constant_and_no_other() -> None:
     listed, file = [], ""
     for line in constants.PAGE.read_text(encoding="utf-8").splitlines():
@@ -23,7 +19,7 @@ def test_the_table_names_every_constant_and_no_other() -> None:
             file = line.removeprefix("## ")
         elif row := re.match(r"\| `(\w+)` \| ([^|]+) \|", line):
             listed.append((file, row[1], row[2]))
-    assert sorted(listed) == sorted((c.file, c.name, shown(c.value)) for c in constants.constants())
+    assert sorted(listed) == sorted((c.file, c.name, constants.shown(c.value)) for c in constants.constants())
 
 
 def test_lines_are_no_longer_than_130_characters() -> None:
@@ -33,3 +29,8 @@ def test_lines_are_no_longer_than_130_characters() -> None:
 def test_an_integer_changes_by_at_least_one() -> None:
     assert constants.changed(1, 1.3) == 2
     assert constants.changed((10, -2.0), 0.7) == (7, -1.4)
+
+
+def test_what_was_measured_is_taken_up_from_the_page() -> None:
+    panel, marks = constants.read_page()
+    assert constants.page(panel, marks) == constants.PAGE.read_text(encoding="utf-8")

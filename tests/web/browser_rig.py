@@ -58,6 +58,15 @@ def live(page: Page, what: str) -> object:
     return page.evaluate(f"window.truing?.live?.{what} ?? null")
 
 
+def page_state(page: Page) -> str:
+    """The page's address, the state that the view sent last, and the text that is shown."""
+    try:
+        state = page.evaluate("JSON.stringify(window.truing?.live?.state ?? null)")
+        return f"{page.url}\n{state}\n{page.inner_text('body', timeout=2000)}"
+    except Exception as error:  # a page that does not answer is a finding too
+        return f"the page does not answer: {error}"
+
+
 def wait(condition: Callable[[], object], what: str, seconds: float = 30.0) -> None:
     until = time.monotonic() + seconds
     while time.monotonic() < until:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from web.browser_rig import Problems, Rig, open_page
+from web.browser_rig import Problems, Rig, open_page, page_state
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -34,6 +34,16 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture
 def problems() -> Problems:
     return Problems()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Iterator[pytest.TestReport]:
+    """What the page showed when its test failed: a limit on waiting alone does not say what went on."""
+    report = yield
+    page = getattr(item, "funcargs", {}).get("page")
+    if call.when == "call" and report.failed and page is not None:
+        report.sections.append(("page", page_state(page)))
+    return report
 
 
 @pytest.fixture

@@ -70,7 +70,7 @@ def test_a_run_lies_beside_its_simulations_and_others_join_it(page):
     page.get_by_text("Measured paths of other runs").click()
     page.get_by_label("also draw 03_straight").check()
     wait(lambda: end_of(page, "03_straight"), "the other run")
-    assert page.locator(".js-plotly-plot .scatterlayer .trace").count() >= 6
+    wait(lambda: page.locator(".js-plotly-plot .scatterlayer .trace").count() >= 6, "all speeds drawn")
 
 
 def test_runs_from_disk_are_dropped_in(page, rig, runs):

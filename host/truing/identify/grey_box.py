@@ -13,7 +13,13 @@ from truing.arrays import FloatArray
 from truing.errors import IdentifyError
 from truing.identify.identifiable import LARGEST_RATIO, TIME_CONSTANT, why_no_time_constant
 from truing.identify.model_error import FreeRunError, free_run_error
-from truing.identify.output_error import PhysicsFit, fit_nested, fit_physics, measured_initial
+from truing.identify.output_error import (
+    PhysicsFit,
+    fit_nested,
+    fit_physics,
+    measured_initial,
+    sensitivities,
+)
 from truing.identify.quantity import Quantity
 from truing.identify.signals import WheelSignal, shown_resolution, wheel_signal
 from truing.identify.structures import DELAY, FREEDOMS, Structure
@@ -194,13 +200,13 @@ def _quantities(
     signal: WheelSignal, fit: PhysicsFit, intervals: bool
 ) -> tuple[dict[str, Quantity], list[str]]:
     """Parameters with 95 % intervals under residuals that may be autocorrelated."""
-    minimum = fit.minimum
     weights = signal.weights()
     judged = weights > 0.0
-    raw = np.zeros_like(minimum.jacobian)
-    raw[judged] = minimum.jacobian[judged] / weights[judged, None]
+    slopes = sensitivities(signal, fit)
+    raw = np.zeros_like(slopes)
+    raw[judged] = slopes[judged] / weights[judged, None]
     residual = fit.predicted_mps - signal.speed_mps
-    strength = np.sqrt(np.einsum("ij,ij->j", minimum.jacobian, minimum.jacobian))
+    strength = np.sqrt(np.einsum("ij,ij->j", slopes, slopes))
     told = strength > 1e-9 * max(float(strength.max()), 1e-300)
     margins = np.zeros(len(told))
     block = max(1, round(BLOCK_SHARE * fit.physics.time_constant_s / float(signal.excitation.interval_s[0])))
@@ -234,7 +240,7 @@ def _quantities(
         if value >= freedom.upper - edge:
             notes.append(f"{name} stands at the upper end of what is searched ({freedom.upper:g} {unit})")
         parameters[name] = Quantity(value, unit, ends if intervals else None)
-    if not minimum.converged:
+    if not fit.minimum.converged:
         notes.append("the search was still improving when it was stopped")
     if fit.physics.gain_mps < 0.0:
         notes.append("the gain is negative: effort and speed have opposite signs in this recording")

@@ -18,14 +18,12 @@ class Minimum:
     ----------
     theta : shape (p,).
     residual : shape (n,), weighted residuals there.
-    jacobian : shape (n, p), their derivatives there.
     cost : sum of the squared residuals.
     converged : whether no step of a useful size was left.
     """
 
     theta: FloatArray
     residual: FloatArray
-    jacobian: FloatArray
     cost: float
     iterations: int
     converged: bool
@@ -55,12 +53,12 @@ def minimise(
     theta = np.clip(start, lower, upper)
     r = residual(theta)
     cost = float(r @ r)
-    j = jacobian(theta, r)
     damping, grow, quiet = 1e-3, 2.0, 0
     count = 0
     converged = False
     while count < iterations:
         count += 1
+        j = jacobian(theta, r)
         gradient = j.T @ r
         hessian = j.T @ j
         at_lower = (theta <= lower) & (gradient > 0.0)
@@ -97,9 +95,8 @@ def minimise(
             break
         small = cost - trial_cost <= tolerance * cost
         theta, r, cost = trial, r_trial, trial_cost
-        j = jacobian(theta, r)
         quiet = quiet + 1 if small else 0
         if quiet >= 2 or cost <= 1e-30:
             converged = True
             break
-    return Minimum(theta, r, j, cost, count, converged)
+    return Minimum(theta, r, cost, count, converged)

@@ -143,6 +143,11 @@ def fit_physics(
     )
 
 
+def sensitivities(signal: WheelSignal, fit: PhysicsFit) -> FloatArray:
+    """Derivatives of the weighted residuals by the search's coordinates, where it ended, shape (n, p)."""
+    return _Search(signal, fit.coordinates).jacobian(fit.minimum.theta, fit.minimum.residual)
+
+
 def fit_nested(signal: WheelSignal, structure: Structure, inner: PhysicsFit) -> PhysicsFit:
     """Fit a richer structure from the fitted simpler one: the new parameters start at several values."""
     new = [name for name in structure.free if name not in inner.structure.free]

@@ -30,6 +30,8 @@ STEADY_SHARE = 0.15
 STEADY_FACTOR = 3.0
 # The currents that charge and heat are made of need no fine substeps.
 CURRENTS_FACTOR = 3.0
+# Derivatives that are kept: as many as a fit without a part of the runs takes steps, and where it began.
+KEPT_JACOBIANS = 4
 
 
 @dataclass(frozen=True)
@@ -223,8 +225,20 @@ class SetSimulator:
         """Derivatives of the speeds, shape (n, 2, len(free)), by differences.
 
         While no effect lets one wheel move the other, a parameter of the left wheel and its twin of the
-        right one are moved in one simulation.
+        right one are moved in one simulation. The last few are kept: fits that leave out a part of the
+        runs each, or are continued, begin at the same numbers. Do not write to the result.
         """
+        p, active, _ = self._pack(theta, on)
+        asked = (active, p.tobytes(), tuple(free))
+        if asked not in self._jacobians:
+            while len(self._jacobians) >= KEPT_JACOBIANS:
+                del self._jacobians[next(iter(self._jacobians))]
+            self._jacobians[asked] = self._differences(theta, on, free)
+        else:
+            self._jacobians[asked] = self._jacobians.pop(asked)
+        return self._jacobians[asked]
+
+    def _differences(self, theta: FloatArray, on: BoolArray, free: Sequence[int]) -> FloatArray:
         base = self.speeds(theta, on)
         out = np.zeros((*base.shape, len(free)))
         coupled = any(
@@ -272,6 +286,7 @@ class SetSimulator:
         chosen._rows = np.flatnonzero(np.isin(self.data.run_of_row, np.asarray(list(runs), dtype=np.int64)))
         chosen._scratch = chosen._new_scratch()
         chosen._known = (-1, b"")
+        chosen._jacobians = {}
         return chosen
 
     @property
@@ -362,6 +377,7 @@ class SetSimulator:
         self._scratch = self._new_scratch()
         self._known = (-1, b"")
         self._known_steps_s: dict[int, float] = {}
+        self._jacobians: dict[tuple[int, bytes, tuple[int, ...]], FloatArray] = {}  # the latest last
 
     def _new_scratch(self) -> Scratch:
         stage = self._kernel.stage

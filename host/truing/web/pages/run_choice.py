@@ -74,6 +74,8 @@ class RunChoice:
 
     def _chose_set(self) -> None:
         home = self.sets[self._set.value]
+        if self.run in home.runs:
+            return  # it is the set that is shown; drawing it anew would take a button from under a click
         self._run.fill({str(path): path.stem for path in home.runs}, str(home.runs[0]))
         self._chose_run()
 
