@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 ROOT = Path(__file__).resolve().parent.parent
 IMAGE = ROOT / "build/stm32f405/firmware/truing-f405.elf"
@@ -23,6 +24,10 @@ for _variable, _folder in {
 os.environ.setdefault("MPLBACKEND", "agg")
 # As the commands do: the tests are run side by side, and a second thread of the library takes another's time.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# How long an example takes says something about the machine that the tests share, not about the code.
+settings.register_profile("busy-machine", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("busy-machine")
 
 
 def _built(path: Path) -> Path:

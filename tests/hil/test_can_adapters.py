@@ -29,7 +29,7 @@ from truing.log.decode import decode_log
 from truing.plan import Kind, Plan, Segment, load_plan
 from truing.virtual.options import VirtualOptions
 
-LONG_LOG = Plan("long", "long", 4 * load_plan("paper/XI").segments, log_rate_hz=200)
+LONG_LOG = Plan("long", "long", load_plan("paper/XI").segments, log_rate_hz=200)
 MANY = Plan(
     "many", "a sequence of several messages", tuple(Segment(Kind.EFFORT, 0.01, 0.3, 0.2) for _ in range(200))
 )

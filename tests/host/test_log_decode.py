@@ -46,7 +46,7 @@ def test_the_shared_block_decodes_to_its_records(root: Path) -> None:
     assert [list(row) for row in decoded.records.tolist()] == log["records"]
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.lists(st.tuples(*FIELDS), max_size=30),
     st.sampled_from([3.14e-8, 0.00016624259, 1.5707964]),
@@ -131,7 +131,7 @@ def test_bytes_that_vanished_cost_the_blocks_they_were_part_of(cut: int) -> None
     assert {tuple(row) for row in hurt.records.tolist()} <= set(records)
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.integers(0, 2**32 - 1))
 def test_no_bytes_make_the_decoder_raise(seed: int) -> None:
     dice = random.Random(seed)
@@ -142,7 +142,7 @@ def test_no_bytes_make_the_decoder_raise(seed: int) -> None:
     decode_log(dice.randbytes(dice.randrange(2000)))
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.binary(max_size=300), st.integers(0, 2000), st.floats(width=32), st.floats(width=32))
 def test_no_block_with_a_right_crc_makes_the_decoder_raise(
     body: bytes, records: int, metres: float, turns: float

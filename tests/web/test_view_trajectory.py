@@ -6,7 +6,7 @@ import math
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from truing.errors import PlanError
@@ -62,7 +62,6 @@ def test_faster_and_slower_stay_between_a_tenth_and_all():
     assert made.speed_fraction == 0.1
 
 
-@settings(deadline=None)
 @given(st.lists(st.lists(st.sampled_from(["forward", "back", "left", "right"]), max_size=3), max_size=60))
 def test_no_keys_ever_leave_the_limits_and_the_end_stands_still(held):
     made = KeyTrajectory(LIMITS, speed_fraction=1.0)
@@ -87,7 +86,6 @@ def test_what_holds_the_robot_back_is_named():
 point = st.floats(-4, 4).map(lambda value: round(value, 3))
 
 
-@settings(deadline=None)
 @given(st.lists(st.builds(Node, point, point, st.sampled_from(["line", "arc"])), min_size=1, max_size=6))
 def test_lines_and_arcs_end_at_the_last_point_and_their_inputs_lead_there(nodes):
     segments = segments_through(Pose(0.3, -0.2, 0.4), nodes)

@@ -8,15 +8,16 @@ import pytest
 
 from support.practice_robots import judge, make_trial
 from support.practice_robots.score import Judgement
-from truing.diagnose.diagnosis_input import Options, read_input
-from truing.diagnose.engine import diagnose
+from truing.diagnose.diagnosis_input import read_input
+from truing.diagnose.engine import analyse
 
 pytestmark = pytest.mark.slow
 
 
 def judged(folder: Path, seed: int, effect: str, second: str | None = None) -> Judgement:
     answer = make_trial(seed, effect, folder=folder, plan_kind="thirds", second_effect=second)
-    return judge(answer, diagnose(read_input(folder / "recordings", None), Options(jobs=1)).to_json())
+    # What is judged here needs no proposal for the next run.
+    return judge(answer, analyse(read_input(folder / "recordings", None), jobs=1).to_json())
 
 
 @pytest.mark.parametrize(
