@@ -24,6 +24,7 @@ void controller_init(struct controller *controller)
     robot_init(&controller->robot, controller->identity.boot_id, boot_faults(&controller->identity));
 }
 
+/* For the tick, or with the tick held off. */
 static bool hears_stop(struct controller *controller)
 {
     const uint8_t *bytes;
@@ -111,10 +112,23 @@ static void watch_bus(struct controller *controller, uint32_t now_ms)
     controller->robot.supervisor.can_bus_off = controller->bus_off;
 }
 
+/* Before the main loop reads: a stop that it executes and the tick hears only afterwards would end the drive
+ * that the host began in between. It brakes here, since the end of the round forgets that it was heard. */
+static void listen(struct controller *controller)
+{
+    const uint32_t state = hal_critical_enter();
+    if (hears_stop(controller)) {
+        controller->robot.stop_heard = true;
+        robot_stop(&controller->robot);
+    }
+    hal_critical_exit(state);
+}
+
 void controller_poll(struct controller *controller)
 {
     struct frame request;
     controller->since_poll_ms = 0;
+    listen(controller);
     link_flush(&controller->link);
     robot_write_log(&controller->robot);
     /* Bytes are read even when the send queue is full, so that a stop never waits behind other requests. */

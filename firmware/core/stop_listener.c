@@ -4,96 +4,124 @@
 
 #include <string.h>
 
+#include "crc32.h"
 #include "frame.h"
 #include "proto.h"
 
-/* On the line: a zero, the code byte, id, sequence and CRC, a zero. */
-enum { STOP_LENGTH = 7, CODED_LENGTH = 8, AFTER_ID = 7, ID = PROTO_ID_STOP };
+/* What the next byte is. Most frames are others: their bytes are passed over up to the zero. */
+enum place { CODE, ID, INSIDE, OTHER };
 
-/* The cheap questions first: most frames are others. */
-static bool is_stop(const uint8_t *plain, size_t length)
-{
-    struct frame frame;
-    return length == STOP_LENGTH && plain[0] == (uint8_t)PROTO_ID_STOP && frame_open(plain, length, &frame);
-}
+/* CRC-32 of any bytes with their own CRC behind them, least significant byte first. */
+#define CRC_OF_WHOLE 0x2144DF1Cu
 
-/* Takes COBS off the bytes between two zeros; false where a zero lies among them or the runs do not fit. */
-static bool unstuff(const uint8_t *coded, uint8_t *plain)
+/* The first zero in bytes[at..count), four at a time; `count` when there is none. */
+static size_t next_zero(const uint8_t *bytes, size_t at, size_t count)
 {
-    uint8_t at = 0;
-    uint8_t filled = 0;
-    while (at < CODED_LENGTH) {
-        const uint8_t code = coded[at];
-        if (code == 0 || code > CODED_LENGTH - at) {
-            return false;
-        }
-        for (uint8_t i = 1; i < code; i++) {
-            if (coded[at + i] == 0) {
-                return false;
-            }
-            plain[filled] = coded[at + i];
-            filled++;
-        }
-        at = (uint8_t)(at + code);
-        if (at < CODED_LENGTH) {
-            plain[filled] = 0;
-            filled++;
-        }
-    }
-    return filled == STOP_LENGTH;
-}
-
-/* Whether a stop and the zeros around it lie here, its id at `at`. The id is no zero, so it stands behind the
- * first code byte as it is. */
-static bool is_stop_at(const uint8_t *bytes, size_t at)
-{
-    uint8_t plain[CODED_LENGTH];
-    return bytes[at] == ID && bytes[at - 2u] == 0 && bytes[at + AFTER_ID] == 0 &&
-           unstuff(bytes + at - 1, plain) && is_stop(plain, STOP_LENGTH);
-}
-
-/* Looks for the id, four bytes at a time, since most bytes are none. */
-static bool has_stop(const uint8_t *bytes, size_t count)
-{
-    size_t at = 2;
-    while (at + AFTER_ID < count) {
+    while (at + sizeof(uint32_t) <= count) {
         uint32_t word;
         memcpy(&word, bytes + at, sizeof word);
-        const uint32_t others = word ^ (0x01010101u * ID); /* a byte is zero where it is the id */
-        const size_t end = at + sizeof word;
-        if (((others - 0x01010101u) & ~others & 0x80808080u) != 0) { /* a zero borrows */
-            for (; at < end && at + AFTER_ID < count; at++) {
-                if (is_stop_at(bytes, at)) {
-                    return true;
-                }
-            }
+        if (((word - 0x01010101u) & ~word & 0x80808080u) != 0) { /* a zero borrows */
+            break;
         }
-        at = end;
+        at += sizeof word;
     }
-    return false;
+    while (at < count && bytes[at] != 0) {
+        at++;
+    }
+    return at;
+}
+
+static void take_plain(struct stop_listener *listener, uint8_t byte)
+{
+    listener->crc = crc32_update(listener->crc, &byte, 1);
+    if (++listener->length > FRAME_MAX_PLAIN) {
+        listener->place = OTHER;
+    }
+}
+
+static void begin_run(struct stop_listener *listener, uint8_t code)
+{
+    enum { LONGEST_RUN = 0xFF }; /* stands for no zero */
+    listener->left = (uint8_t)(code - 1u);
+    listener->zero_owed = code != LONGEST_RUN;
+}
+
+/* At a zero: whether a whole and valid stop ends here. */
+static bool ends_stop(const struct stop_listener *listener)
+{
+    return listener->place == (uint8_t)INSIDE && listener->left == 0 &&
+           listener->length >= FRAME_HEADER_SIZE + FRAME_CRC_SIZE && listener->crc == CRC_OF_WHOLE;
+}
+
+/* A byte that is no zero. */
+static void take(struct stop_listener *listener, uint8_t byte)
+{
+    switch (listener->place) {
+    case CODE:
+        begin_run(listener, byte);
+        listener->place = listener->left > 0 ? ID : OTHER; /* no id is zero */
+        break;
+    case ID:
+        listener->crc = 0;
+        listener->length = 0;
+        listener->place = byte == (uint8_t)PROTO_ID_STOP ? INSIDE : OTHER;
+        listener->left--;
+        take_plain(listener, byte);
+        break;
+    default:
+        if (listener->left > 0) {
+            listener->left--;
+            take_plain(listener, byte);
+        } else {
+            if (listener->zero_owed) {
+                take_plain(listener, 0);
+            }
+            begin_run(listener, byte);
+        }
+        break;
+    }
 }
 
 bool stop_listener_hear(struct stop_listener *listener, const uint8_t *bytes, size_t count)
 {
-    uint8_t seam[2 * STOP_LISTENER_KEPT];
-    const size_t first = count < STOP_LISTENER_KEPT ? count : STOP_LISTENER_KEPT;
-    memcpy(seam, listener->last, STOP_LISTENER_KEPT);
-    memcpy(seam + STOP_LISTENER_KEPT, bytes, first);
-    const bool heard = has_stop(seam, STOP_LISTENER_KEPT + first) || has_stop(bytes, count);
-    if (count < STOP_LISTENER_KEPT) {
-        memcpy(listener->last, seam + first, STOP_LISTENER_KEPT);
-    } else {
-        memcpy(listener->last, bytes + count - STOP_LISTENER_KEPT, STOP_LISTENER_KEPT);
+    bool heard = false;
+    size_t at = 0;
+    while (at < count) {
+        if (listener->place == (uint8_t)OTHER) {
+            at = next_zero(bytes, at, count);
+            if (at == count) {
+                break;
+            }
+        }
+        if (bytes[at] == 0) {
+            heard = ends_stop(listener) || heard;
+            listener->place = CODE;
+        } else {
+            take(listener, bytes[at]);
+        }
+        at++;
     }
     return heard;
 }
 
+/* ISO-TP's single frame: its length in the first byte; its first frame of several: a 1 and twelve bits of
+ * length (ISO 15765-2, section 9.6). The others of a longer stop come only when the main loop has allowed
+ * them by its flow control, so that the first one stops already. A CAN frame has a CRC of its own. */
 bool stop_listener_is_stop(const struct hal_can_frame *frame)
 {
-    /* ISO-TP's single frame: its length in the first byte (ISO 15765-2, section 9.6.1). */
-    const bool single = frame->length > 1u && frame->data[0] == frame->length - 1u;
-    if (frame->id == PROTO_CAN_HOST_TO_BOARD) {
-        return frame->length > 0u && frame->data[0] == (uint8_t)PROTO_ID_STOP;
+    enum { FIRST = 0x10, FIRST_ID = 2, CAN_DATA = 8, SINGLE_MAX = 7 };
+    const uint8_t *const data = frame->data;
+    struct frame whole;
+    if (frame->length == 0) {
+        return false;
     }
-    return single && is_stop(frame->data + 1, frame->length - 1u);
+    if (frame->id == PROTO_CAN_HOST_TO_BOARD) {
+        return data[0] == (uint8_t)PROTO_ID_STOP;
+    }
+    if (frame->length == CAN_DATA && (data[0] & 0xF0u) == FIRST) {
+        const uint32_t length = (uint32_t)(data[0] & 0x0Fu) << 8 | data[1];
+        return length > SINGLE_MAX && length <= FRAME_MAX_PLAIN && data[FIRST_ID] == (uint8_t)PROTO_ID_STOP;
+    }
+    return data[0] != 0 && data[0] < frame->length && data[1] == (uint8_t)PROTO_ID_STOP &&
+           frame_open(data + 1, data[0], &whole);
 }

@@ -64,11 +64,12 @@ void hal_drive(const int16_t effort_e4[HAL_WHEELS]);
 /* Lets the bridges follow hal_drive again after an emergency stop; false while the switch is open. */
 bool hal_release_emergency_stop(void);
 
-/* Takes up to `capacity` received bytes out of the link; returns how many. */
+/* Takes up to `capacity` received bytes out of the link, of those that hal_link_peek has shown; returns how
+ * many. */
 size_t hal_link_read(uint8_t *out, size_t capacity);
 
-/* The same bytes once more, for the tick, where they lie: those received since its last peek, or their first
- * part; returns how many, 0 once it has seen all. They stay to be read. */
+/* The received bytes where they lie, for the tick, or with the tick held off: those since the last peek, or
+ * their first part; returns how many, 0 once all have been shown. They stay to be read. */
 size_t hal_link_peek(const uint8_t **bytes);
 
 /* Queues bytes for sending; returns how many were taken (all or the part that fits). */
@@ -108,10 +109,10 @@ struct hal_can_report {
  * are lost. */
 void hal_can_start(uint32_t bits_per_s, const uint16_t ids[2]);
 
-/* The oldest frame received; false when there is none. */
+/* The oldest frame received, of those that hal_can_peek has shown; false when there is none. */
 bool hal_can_read(struct hal_can_frame *out);
 
-/* The same frames once more, for the tick. */
+/* The received frames one after the other, for the tick, or with the tick held off. They stay to be read. */
 bool hal_can_peek(struct hal_can_frame *out);
 
 /* Frames that hal_can_write takes now; none while the board is not on the bus. They leave in order. */

@@ -1,8 +1,10 @@
 /* Moves frames between CAN1 and two queues, by interrupt; rejoins the bus after it had to leave it.
  *
- * Each queue has one writer and one reader, the interrupts and the main loop, as in usart_link.c. The three
- * mailboxes leave in the order in which they were filled (TXFP), or the frames of a message would overtake
- * one another. Where there is no such controller, its registers read as zero and it stays off. */
+ * Each queue has one writer and one reader, the interrupts and the main loop, as in usart_link.c. What is
+ * received overwrites the oldest that the main loop has not read, so that the tick sees each frame, however
+ * long the main loop takes. The three mailboxes leave in the order in which they were filled (TXFP), or the
+ * frames of a message would overtake one another. Where there is no such controller, its registers read as
+ * zero and it stays off. */
 #include "bxcan.h"
 
 #include "bxcan_timing.h"
@@ -13,7 +15,9 @@
 #include "registers.h"
 
 enum {
-    RX_SIZE = 16, /* powers of two; a host sends 8 frames before it waits for flow control */
+    /* Powers of two. A host sends 8 frames before it waits for flow control; of the shortest frames, 47 bits,
+     * 21 arrive between two ticks at 1 Mbit/s. */
+    RX_SIZE = 32,
     TX_SIZE = 32,
     MAILBOXES = 3,
     PIN_FUNCTION_CAN1 = 9,
@@ -28,7 +32,7 @@ static struct hal_can_frame rx_ring[RX_SIZE];
 static struct hal_can_frame tx_ring[TX_SIZE];
 static volatile uint32_t rx_head; /* written by the interrupt */
 static volatile uint32_t rx_tail; /* written by the main loop */
-static uint32_t rx_peeked;        /* the tick's own */
+static uint32_t rx_peeked;        /* written by the tick, or with the tick held off */
 static volatile uint32_t tx_head; /* written by the main loop */
 static volatile uint32_t tx_tail; /* written with CAN's interrupts held off, or by them */
 static volatile bool call;
@@ -166,23 +170,19 @@ void CAN1_RX0_Handler(void)
         return;
     }
     const uint32_t head = rx_head;
-    if (head - rx_tail == RX_SIZE) {
-        counts.overruns++;
-    } else {
-        struct hal_can_frame *const frame = &rx_ring[head % RX_SIZE];
-        const uint32_t low = CAN1->rx[0].dlr;
-        const uint32_t high = CAN1->rx[0].dhr;
-        const uint32_t length = CAN1->rx[0].dtr & 0xFu;
-        frame->id = (uint16_t)(CAN1->rx[0].ir >> CAN_IR_STID);
-        frame->length = (uint8_t)(length < sizeof frame->data ? length : sizeof frame->data);
-        for (uint32_t i = 0; i < 4; i++) {
-            frame->data[i] = (uint8_t)(low >> (8u * i));
-            frame->data[4u + i] = (uint8_t)(high >> (8u * i));
-        }
-        counts.received++;
-        compiler_barrier();
-        rx_head = head + 1u;
+    struct hal_can_frame *const frame = &rx_ring[head % RX_SIZE];
+    const uint32_t low = CAN1->rx[0].dlr;
+    const uint32_t high = CAN1->rx[0].dhr;
+    const uint32_t length = CAN1->rx[0].dtr & 0xFu;
+    frame->id = (uint16_t)(CAN1->rx[0].ir >> CAN_IR_STID);
+    frame->length = (uint8_t)(length < sizeof frame->data ? length : sizeof frame->data);
+    for (uint32_t i = 0; i < 4; i++) {
+        frame->data[i] = (uint8_t)(low >> (8u * i));
+        frame->data[4u + i] = (uint8_t)(high >> (8u * i));
     }
+    counts.received++;
+    counts.overruns += head - rx_tail >= RX_SIZE ? 1u : 0u; /* this one took the place of the oldest */
+    rx_head = head + 1u;
     CAN1->rfr[0] = CAN_RFR_RFOM;
     call = true;
     idle_end();
@@ -239,31 +239,36 @@ bool bxcan_take_call(void)
     return called;
 }
 
-bool hal_can_read(struct hal_can_frame *out)
+/* The next frame for a reader that has seen those before `*at`; what has been overwritten is left out. */
+static bool take_frame(uint32_t *at, struct hal_can_frame *out)
 {
-    const uint32_t tail = rx_tail;
-    if (tail == rx_head) {
+    const uint32_t head = rx_head;
+    if (head == *at) {
         return false;
     }
-    compiler_barrier();
-    *out = rx_ring[tail % RX_SIZE];
-    compiler_barrier();
-    rx_tail = tail + 1u;
+    if (head - *at > RX_SIZE) {
+        *at = head - RX_SIZE;
+    }
+    *out = rx_ring[*at % RX_SIZE];
+    *at = *at + 1u;
     return true;
 }
 
-/* For the tick, of one priority with the receiving interrupt. */
+bool hal_can_read(struct hal_can_frame *out)
+{
+    uint32_t tail = rx_tail;
+    const uint32_t before = cpu_basepri();
+    cpu_set_basepri(PRIORITY_CAN); /* nothing is overwritten while it is copied */
+    const bool taken = tail != rx_peeked && take_frame(&tail, out);
+    rx_tail = tail;
+    cpu_set_basepri(before);
+    return taken;
+}
+
+/* Its callers are of one priority with the receiving interrupt. */
 bool hal_can_peek(struct hal_can_frame *out)
 {
-    if (rx_head - rx_peeked > RX_SIZE) {
-        rx_peeked = rx_head;
-    }
-    if (rx_peeked == rx_head) {
-        return false;
-    }
-    *out = rx_ring[rx_peeked % RX_SIZE];
-    rx_peeked++;
-    return true;
+    return take_frame(&rx_peeked, out);
 }
 
 size_t hal_can_writable(void)

@@ -44,11 +44,11 @@ static bool by_dma;           /* constant after start */
 static volatile bool rx_call; /* set by the interrupt, taken by the main loop */
 static volatile uint32_t
     rx_head; /* written by the tick, from the stream's counter; without DMA by the interrupt */
-static volatile uint32_t rx_tail; /* written by the main loop */
-static uint32_t rx_peeked;        /* the tick's own */
-static volatile uint32_t tx_head; /* written by the main loop */
-static volatile uint32_t tx_tail; /* written by the interrupt, without DMA by the tick as well */
-static volatile uint32_t tx_run;  /* bytes that the stream sends now; while 0, the main loop may start it */
+static volatile uint32_t rx_tail;   /* written by the main loop */
+static volatile uint32_t rx_peeked; /* written by the tick, or with the tick held off */
+static volatile uint32_t tx_head;   /* written by the main loop */
+static volatile uint32_t tx_tail;   /* written by the interrupt, without DMA by the tick as well */
+static volatile uint32_t tx_run;    /* bytes that the stream sends now; while 0, the main loop may start it */
 
 /* The fields of a stream may be written only while it is off (RM0090 section 10.3.17), as reset leaves it. */
 static bool start_reception(void)
@@ -230,15 +230,15 @@ static bool overwritten(uint32_t tail, uint32_t head)
         return false;
     }
     usart_link_errors.ring_overflow++;
-    rx_tail = head;
+    rx_tail = rx_peeked;
     return true;
 }
 
 size_t hal_link_read(uint8_t *out, size_t capacity)
 {
     const uint32_t tail = rx_tail;
-    const uint32_t head = received();
-    if (head == tail || overwritten(tail, head)) {
+    const uint32_t head = rx_peeked;
+    if (head == tail || overwritten(tail, received())) {
         return 0;
     }
     const size_t waiting = together(tail, head);
@@ -252,7 +252,7 @@ size_t hal_link_read(uint8_t *out, size_t capacity)
     return count;
 }
 
-/* For the tick alone. What it has not looked at for a whole round is gone for it. */
+/* What has not been looked at for a whole round is gone. */
 size_t hal_link_peek(const uint8_t **bytes)
 {
     const uint32_t head = received();
@@ -271,6 +271,7 @@ size_t hal_link_peek(const uint8_t **bytes)
 void usart_link_forget(void)
 {
     rx_tail = received();
+    rx_peeked = rx_tail;
 }
 
 size_t hal_link_write(const uint8_t *data, size_t length)

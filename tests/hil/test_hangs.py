@@ -173,10 +173,21 @@ def test_a_receive_ring_whose_index_is_overwritten_replays_no_old_request(robot:
     assert host(robot).info.boot_id == device.info.boot_id
 
 
+def until_safe(robot: VirtualRobot, limit_us: int) -> int:
+    """Microseconds until no bridge drives any more."""
+    began = robot.time_us
+    while not safe(robot):
+        robot.run_us(50)
+        assert robot.time_us - began < limit_us, "the wheels are still driven"
+    return robot.time_us - began
+
+
 @pytest.mark.parametrize("at_us", range(0, 1000, 90))
-@pytest.mark.parametrize("state", ["live", "sequence"])
+@pytest.mark.parametrize(
+    ("state", "payload"), [("live", b""), ("sequence", b""), ("live", b"\1\0\2"), ("sequence", bytes(40))]
+)
 def test_a_stop_brakes_within_2_ms_whatever_the_main_loop_does(
-    robot: VirtualRobot, state: str, at_us: int
+    robot: VirtualRobot, state: str, payload: bytes, at_us: int
 ) -> None:
     """The main loop is busy for ever, which is longer than any digest takes."""
     robot.run_us(300_000)
@@ -186,12 +197,41 @@ def test_a_stop_brakes_within_2_ms_whatever_the_main_loop_does(
     hang_main_loop(robot)
     robot.run_us(1_500)
     assert not safe(robot)
-    device.client.stream.write(encode(Frame(tp.StopRequest.ID, 77, b"")))
-    began = robot.time_us
-    while not safe(robot):
-        robot.run_us(50)
-        assert robot.time_us - began < 2_000
-    print(f"stop: {(robot.time_us - began) / 1000:.2f} ms from its first bit")
+    device.client.stream.write(encode(Frame(tp.StopRequest.ID, 77, payload)))
+    took_us = until_safe(robot, 2_000)
+    print(f"stop with {len(payload)} bytes: {took_us / 1000:.2f} ms from its first bit")
+
+
+@pytest.mark.parametrize(
+    "payload", [b"", b"\1\0\2", bytes(range(250))], ids=["alone", "3 bytes", "250 bytes"]
+)
+def test_a_stop_brakes_within_2_ms_while_digests_are_asked(robot: VirtualRobot, payload: bytes) -> None:
+    robot.run_us(300_000)
+    device = host(robot)
+    device.set_parameter("log_rate_hz", 200)
+    device.set_parameter("command_timeout_s", 10.0)
+    rounds, stop = 12, encode(Frame(tp.StopRequest.ID, 77, payload))
+    for effort in (0.3, -0.3) * 20:
+        device.set_effort(effort, -effort)
+        robot.run_us(500_000)
+    cells = device.logs()[-1].length
+    digest = tp.LogDigestRequest(0, cells)
+    worst = 0.0
+    for at in range(rounds):
+        device.stop()
+        device.set_effort(0.3, 0.3)
+        robot.run_us(200_000 + 83 * at)
+        asked = b"".join(encode(Frame(digest.ID, 1000 + k, digest.pack())) for k in range(40))
+        device.client.stream.write(asked)
+        while robot.link_pending():
+            robot.run_us(100)
+        device.client.stream.write(stop)
+        while robot.link_pending():  # with its last byte
+            robot.run_us(50)
+        worst = max(worst, until_safe(robot, 2_000) / 1000)
+        robot.run_us(400_000)
+        device.client.stream.read(100_000)
+    print(f"{cells} bytes a digest, stop with {len(payload)} bytes: {worst:.2f} ms from its last bit")
 
 
 @pytest.mark.parametrize("until_end", [1, 3, 5, 8])
