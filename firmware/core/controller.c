@@ -52,6 +52,7 @@ void controller_tick(struct controller *controller)
     }
     robot_tick(&controller->robot);
     hal_note_moving(supervisor_is_moving(&controller->robot.supervisor));
+    hal_enable_driver(robot_may_drive(&controller->robot));
     if (!hung) {
         controller->since_poll_ms = controller->since_poll_ms + 1u;
         hal_watchdog_feed();

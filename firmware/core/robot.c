@@ -327,6 +327,13 @@ struct refusal robot_arm(struct robot *robot, uint32_t boot_id)
     return accepted();
 }
 
+bool robot_may_drive(const struct robot *robot)
+{
+    const struct supervisor *const supervisor = &robot->supervisor;
+    return supervisor->armed && supervisor->latched == 0 && !robot->view.emergency_stop &&
+           !robot->view.supply_dip;
+}
+
 void robot_hear_host(struct robot *robot)
 {
     if (robot->supervisor.state == PROTO_STATE_SEQUENCE) {

@@ -35,6 +35,9 @@ struct refusal robot_drive(struct robot *robot, uint8_t kind, float left, float 
 /* `unattended`: it goes on when its host falls silent. */
 struct refusal robot_start_sequence(struct robot *robot, uint32_t crc, bool unattended, uint16_t *log_id);
 
+/* Whether the motor drivers may be on: armed, and nothing stops the robot. */
+bool robot_may_drive(const struct robot *robot);
+
 /* The host that started the sequence is there. Live drives need commands instead: a program that hangs may
  * still ask for the state. */
 void robot_hear_host(struct robot *robot);

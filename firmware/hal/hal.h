@@ -61,6 +61,10 @@ uint32_t hal_now_us(void);
 /* Applied effort, 1e-4 of supply, -10000..10000; drive/brake (slow decay), 0 = brake. */
 void hal_drive(const int16_t effort_e4[HAL_WHEELS]);
 
+/* The enable pin of the motor drivers, for those that have one. An open emergency stop takes it away by
+ * itself, until hal_release_emergency_stop. */
+void hal_enable_driver(bool enabled);
+
 /* Lets the bridges follow hal_drive again after an emergency stop; false while the switch is open. */
 bool hal_release_emergency_stop(void);
 

@@ -6,6 +6,7 @@
 #include "controller.h"
 #include "cortex.h"
 #include "debugger.h"
+#include "driver_enable.h"
 #include "encoders.h"
 #include "hal.h"
 #include "identity.h"
@@ -110,7 +111,7 @@ static void start_peripheral_clocks(void)
     RCC->ahb2enr |= RCC_AHB2ENR_RNG;
     RCC->apb1enr |=
         RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM3 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_USART3 | RCC_APB1ENR_CAN1;
-    RCC->apb2enr |= RCC_APB2ENR_TIM1 | RCC_APB2ENR_ADC1 | RCC_APB2ENR_SYSCFG;
+    RCC->apb2enr |= RCC_APB2ENR_TIM1 | RCC_APB2ENR_TIM8 | RCC_APB2ENR_ADC1 | RCC_APB2ENR_SYSCFG;
     (void)RCC->apb2enr; /* a clock needs two cycles to arrive (ES0182); the read takes longer */
 }
 
@@ -127,6 +128,7 @@ int main(void)
     struct clock clock;
     watchdog_start();
     start_peripheral_clocks();
+    driver_enable_start();
     motors_start(CLOCK_RESET_HZ); /* brakes: a robot that restarts at speed must not wait for the crystal */
     debugger_brakes();
     clock_start(&clock);

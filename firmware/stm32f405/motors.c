@@ -13,6 +13,7 @@
  * other; the worst case is one period (50 us) of coast or brake. */
 #include "motors.h"
 
+#include "driver_enable.h"
 #include "hal.h"
 #include "pins.h"
 #include "registers.h"
@@ -84,6 +85,7 @@ void motors_start(uint32_t timer_hz)
 void motors_stop(void)
 {
     TIM1->bdtr = BRAKED;
+    driver_enable_off();
 }
 
 void motors_go(void)
@@ -109,6 +111,7 @@ bool hal_release_emergency_stop(void)
         return false;
     }
     TIM1->sr = ~TIM_SR_BIF;
+    driver_enable_release();
     motors_go();
     return (TIM1->sr & TIM_SR_BIF) == 0;
 }

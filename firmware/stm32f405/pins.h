@@ -4,7 +4,7 @@
 
 #include "registers.h"
 
-enum pin_pull { PULL_NONE = 0, PULL_UP = 1 };
+enum pin_pull { PULL_NONE = 0, PULL_UP = 1, PULL_DOWN = 2 };
 
 /* Gives bits of width `width` at place `index` of a register the value `value`. */
 static inline void pin_field(reg32 *reg, uint32_t index, uint32_t width, uint32_t value)

@@ -117,6 +117,7 @@ _Static_assert(sizeof(struct rcc) == 0x78, "RCC_CSR lies at 0x74");
 #define RCC_APB1ENR_CAN1    (1u << 25)
 #define RCC_APB1ENR_PWR     (1u << 28)
 #define RCC_APB2ENR_TIM1    (1u << 0)
+#define RCC_APB2ENR_TIM8    (1u << 1)
 #define RCC_APB2ENR_ADC1    (1u << 8)
 #define RCC_APB2ENR_SYSCFG  (1u << 14)
 #define RCC_CSR_RMVF        (1u << 24)
@@ -164,6 +165,7 @@ _Static_assert(sizeof(struct rcc) == 0x78, "RCC_CSR lies at 0x74");
 #define DBGMCU_APB1_FZ_ADDRESS   0xE0042008u
 #define DBGMCU_APB1_FZ_IWDG_STOP (1u << 12)
 #define DBGMCU_APB2_FZ_TIM1_STOP (1u << 0)
+#define DBGMCU_APB2_FZ_TIM8_STOP (1u << 1)
 
 /* Device identity, section 38.6.1, and the unique device id, section 39.1. */
 #define DBGMCU_IDCODE_ADDRESS 0xE0042000u
@@ -224,6 +226,7 @@ struct timer {
     reg32 bdtr;
 };
 #define TIM1                ((struct timer *)0x40010000u)
+#define TIM8                ((struct timer *)0x40010400u) /* as TIM1 */
 #define TIM2                ((struct timer *)0x40000000u)
 #define TIM3                ((struct timer *)0x40000400u)
 #define TIM4                ((struct timer *)0x40000800u)
@@ -234,10 +237,12 @@ struct timer {
 #define TIM_SMCR_ENCODER_X4 3u
 #define TIM_EGR_UG          (1u << 0)
 #define TIM_CCMR_PWM1       (6u << 4) /* low byte of CCMR1/2; the high byte is the next channel */
+#define TIM_CCMR_ACTIVE     (5u << 4)
 #define TIM_CCMR_PRELOAD    (1u << 3)
 #define TIM_CCMR_INPUT      (1u << 0) /* channel is an input from its own pin */
 #define TIM_CCMR_FILTER(f)  ((uint32_t)(f) << 4)
 #define TIM_CCER_ENABLE(ch) (1u << (4u * (ch)))
+#define TIM_CCER_INVERT(ch) (2u << (4u * (ch)))
 #define TIM_BDTR_OSSI       (1u << 10)
 #define TIM_BDTR_BKE        (1u << 12)
 #define TIM_BDTR_BKP        (1u << 13) /* a break while the input is high */

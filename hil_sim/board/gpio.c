@@ -39,6 +39,7 @@ static const struct route {
     {'B', 9, 9, SIGNAL_CAN_TX, 1, 0},    {'D', 0, 9, SIGNAL_CAN_RX, 1, 0},
     {'D', 1, 9, SIGNAL_CAN_TX, 1, 0},    {'A', 6, 1, SIGNAL_BREAK, 1, 0},
     {'B', 12, 1, SIGNAL_BREAK, 1, 0},    {'E', 15, 1, SIGNAL_BREAK, 1, 0},
+    {'A', 6, 3, SIGNAL_BREAK, 8, 0},
 };
 enum { ROUTES = sizeof routes / sizeof routes[0] };
 
@@ -161,12 +162,12 @@ static uint32_t input(struct board *b, int port)
     return levels;
 }
 
-/* Level at TIM1's break input: that of the pin that is routed to it, low without one. */
-bool break_level(struct board *b)
+/* Level at the break input of TIM1 or TIM8: that of the pin that is routed to it, low without one. */
+bool break_level(struct board *b, int timer)
 {
     for (size_t i = 0; i < ROUTES; i++) {
         const struct route *r = &routes[i];
-        if (r->signal == SIGNAL_BREAK && routed(b, r)) {
+        if (r->signal == SIGNAL_BREAK && r->instance == timer && routed(b, r)) {
             return (input(b, r->port - 'A') >> r->pin & 1u) != 0;
         }
     }
@@ -179,7 +180,8 @@ void board_set_pin(struct board *board, struct board_pin pin, enum board_level l
         board->moment = board->now;
     }
     board->pin_in[pin.port - 'A'][pin.number] = (uint8_t)level;
-    timer_break_update(board);
+    timer_break_update(board, 1);
+    timer_break_update(board, 8);
     pins_update(board);
 }
 
@@ -225,7 +227,8 @@ bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_
         find_line_pins(b);
         exti_schedule(b);
     }
-    timer_break_update(b);
+    timer_break_update(b, 1);
+    timer_break_update(b, 8);
     pins_update(b);
     return true;
 }

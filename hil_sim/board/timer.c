@@ -252,8 +252,8 @@ static void write_register(struct board *b, int timer, uint32_t offset, uint32_t
         t->from = count;
         timer_encoder_start(b, timer);
     }
-    if (timer == 1) {
-        timer_break_update(b);
+    if (has_break(timer)) {
+        timer_break_update(b, timer);
     }
     update_line(b, timer);
     timer_schedule(b, timer);

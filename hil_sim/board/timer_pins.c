@@ -4,7 +4,7 @@
 enum { CEN = 1 << 0, CMS = 3 << 5, DIR = 1 << 4, MOE = 1 << 15, OSSI = 1 << 10 };
 enum { BKE = 1 << 12, BKP = 1 << 13, BIF = 1 << 7 };
 
-static bool has_break(int timer)
+bool has_break(int timer)
 {
     return timer == 1 || timer == 8;
 }
@@ -56,10 +56,10 @@ double timer_output(struct board *b, int timer, int channel)
 
 /* The break input clears MOE by itself, and holds it and its flag for as long as it is active
  * (RM0090 17.3.12); its source in the clock security system is not modelled. */
-void timer_break_update(struct board *b)
+void timer_break_update(struct board *b, int timer)
 {
-    struct timer *t = &b->timer[1];
-    if ((t->bdtr & BKE) != 0 && break_level(b) == ((t->bdtr & BKP) != 0)) {
+    struct timer *t = &b->timer[timer];
+    if ((t->bdtr & BKE) != 0 && break_level(b, timer) == ((t->bdtr & BKP) != 0)) {
         t->bdtr &= ~(uint32_t)MOE;
         t->sr |= BIF;
     }

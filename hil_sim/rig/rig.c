@@ -16,7 +16,9 @@ static const struct board_pin bridge_pins[RIG_WHEELS][2] = {{{'A', 8}, {'A', 9}}
 static const struct board_pin encoder_pins[RIG_WHEELS][2] = {{{'B', 4}, {'B', 5}}, {{'B', 6}, {'B', 7}}};
 static const struct board_pin battery_pin = {'A', 4};
 static const struct board_pin led_pin = {'C', 12};
-static const struct board_pin stop_pin = {'B', 12}; /* emergency stop: a contact to ground */
+/* Emergency stop: a contact to ground, wired to the break inputs of both timers. */
+static const struct board_pin stop_pins[] = {{'B', 12}, {'A', 6}};
+static const struct board_pin enable_pin = {'C', 6};
 
 /* Even a wheel at rest is polled this often, in plant steps: a tenth of a second. */
 #define MAX_QUIET_STEPS 2000.0
@@ -31,7 +33,8 @@ struct rig {
     struct plant *plant;
     uint64_t plant_steps;
     double duty[RIG_WHEELS][2];
-    double led;
+    double led, enable;
+    bool enable_wired; /* the drivers have an enable input, with a resistor to ground */
     struct encoder {
         enum rig_encoder_fault fault;
         int64_t offset; /* keeps the counts continuous when a fault comes or goes */
@@ -64,7 +67,7 @@ static void drive_bridges(struct rig *r)
 {
     for (int wheel = 0; r->plant != NULL && wheel < RIG_WHEELS; wheel++) {
         const double *duty = r->duty[r->swapped ? 1 - wheel : wheel];
-        bool connected = r->motor_connected[wheel];
+        bool connected = r->motor_connected[wheel] && (!r->enable_wired || r->enable > 0);
         plant_set_bridge(r->plant, wheel, connected ? high_fraction(duty[0]) : 0,
                          connected ? high_fraction(duty[1]) : 0);
     }
@@ -75,6 +78,12 @@ static void pin_driven(void *context, struct board_pin pin, double duty, uint64_
     struct rig *r = context;
     if (pin.port == led_pin.port && pin.number == led_pin.number) {
         r->led = duty;
+        return;
+    }
+    if (pin.port == enable_pin.port && pin.number == enable_pin.number) {
+        r->enable = duty;
+        advance_plant(r, time_ps);
+        drive_bridges(r);
         return;
     }
     for (int i = 0; i < 2 * RIG_WHEELS; i++) {
@@ -215,6 +224,7 @@ struct rig *rig_create(const struct plant_params *robot, uint64_t seed, const ui
     }
     r->bench_v = -1;
     r->led = -1;
+    r->enable = -1;
     r->link_baud = LINK_BAUD;
     r->sense_connected = true;
     board_set_crystal(r->board, crystal_alive);
@@ -226,7 +236,8 @@ struct rig *rig_create(const struct plant_params *robot, uint64_t seed, const ui
         r->duty[wheel][0] = r->duty[wheel][1] = -1;
     }
     board_watch_pin(r->board, led_pin);
-    board_set_pin(r->board, stop_pin, BOARD_LOW);
+    board_watch_pin(r->board, enable_pin);
+    rig_emergency_stop(r, false);
     drive_bridges(r);
     return r;
 }
@@ -344,6 +355,18 @@ double rig_led(const struct rig *rig)
     return rig->led;
 }
 
+double rig_driver_enable(const struct rig *rig)
+{
+    return rig->enable;
+}
+
+void rig_wire_driver_enable(struct rig *rig, bool wired)
+{
+    advance_plant(rig, board_time_ps(rig->board));
+    rig->enable_wired = wired;
+    drive_bridges(rig);
+}
+
 void rig_encoder_fault(struct rig *rig, int wheel, enum rig_encoder_fault fault)
 {
     if (wheel < 0 || wheel >= RIG_WHEELS) {
@@ -416,7 +439,9 @@ void rig_cut_off_battery(struct rig *rig, bool cut_off)
 
 void rig_emergency_stop(struct rig *rig, bool pressed)
 {
-    board_set_pin(rig->board, stop_pin, pressed ? BOARD_OPEN : BOARD_LOW);
+    for (size_t i = 0; i < sizeof stop_pins / sizeof stop_pins[0]; i++) {
+        board_set_pin(rig->board, stop_pins[i], pressed ? BOARD_OPEN : BOARD_LOW);
+    }
 }
 
 void rig_bench_voltage(struct rig *rig, double volts)

@@ -61,6 +61,10 @@ void rig_truth(struct rig *rig, struct plant_state *out);
 void rig_bridge(const struct rig *rig, int wheel, double out[2]);
 /* Level of the status LED's pin, PC12; below 0: not driven. */
 double rig_led(const struct rig *rig);
+/* Level of the drivers' enable pin, PC6; below 0: not driven. */
+double rig_driver_enable(const struct rig *rig);
+/* Drivers with an enable input, high to enable: without it their outputs float and the motors coast. */
+void rig_wire_driver_enable(struct rig *rig, bool wired);
 
 /* Faults. Each acts from the present time until it is removed. */
 void rig_encoder_fault(struct rig *rig, int wheel, enum rig_encoder_fault fault);

@@ -73,6 +73,11 @@ void hal_log_memory(uint32_t piece, struct hal_memory *out)
     *out = (struct hal_memory){.start = current->log_memory[piece], .size = current->log_memory_size[piece]};
 }
 
+void hal_enable_driver(bool enabled)
+{
+    current->driver_enabled = enabled;
+}
+
 void hal_note_moving(bool moving)
 {
     current->moving = moving;

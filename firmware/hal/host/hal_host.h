@@ -22,7 +22,8 @@ struct hal_host {
     uint32_t drive_calls;
     uint32_t watchdog_feeds;
     bool emergency_switch_open;
-    bool moving; /* what hal_note_moving was last given */
+    bool moving;         /* what hal_note_moving was last given */
+    bool driver_enabled; /* what hal_enable_driver was last given */
     uint32_t critical_depth;
     uint8_t received[HAL_HOST_RECEIVE_SIZE]; /* on its way to the core */
     size_t received_length;

@@ -333,6 +333,14 @@ class VirtualRobot(Simulated):
         """Return the level of the status LED's pin (PC12); below 0: not driven."""
         return float(self._library.rig_led(self._rig))
 
+    def driver_enable(self) -> float:
+        """Return the level of the drivers' enable pin (PC6); below 0: not driven, pulled low outside."""
+        return float(self._library.rig_driver_enable(self._rig))
+
+    def wire_driver_enable(self, wired: bool) -> None:
+        """Take drivers with an enable input, wired to PC6: without it the motors coast."""
+        self._library.rig_wire_driver_enable(self._rig, wired)
+
     # faults; each acts from now until it is removed
 
     def set_encoder_fault(self, wheel: int, fault: EncoderFault) -> None:
