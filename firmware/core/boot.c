@@ -37,6 +37,9 @@ uint32_t boot_faults(const struct hal_identity *identity)
     if (identity->clock_fallback) {
         faults |= PROTO_FAULT_CLOCK_FALLBACK;
     }
+    if (identity->crystal_wrong) {
+        faults |= PROTO_FAULT_CRYSTAL_WRONG;
+    }
     if (!identity->brown_out_reset) {
         faults |= PROTO_FAULT_BROWN_OUT_RESET_OFF;
     }

@@ -367,7 +367,8 @@ _Static_assert((int)HAL_CAN_OFF == (int)PROTO_CAN_BUS_STATE_OFF &&
                    (int)HAL_CAN_ACTIVE == (int)PROTO_CAN_BUS_STATE_ACTIVE &&
                    (int)HAL_CAN_WARNING == (int)PROTO_CAN_BUS_STATE_WARNING &&
                    (int)HAL_CAN_PASSIVE == (int)PROTO_CAN_BUS_STATE_PASSIVE &&
-                   (int)HAL_CAN_BUS_OFF == (int)PROTO_CAN_BUS_STATE_BUS_OFF,
+                   (int)HAL_CAN_BUS_OFF == (int)PROTO_CAN_BUS_STATE_BUS_OFF &&
+                   (int)HAL_CAN_NO_CRYSTAL == (int)PROTO_CAN_BUS_STATE_NO_CRYSTAL,
                "a report's state goes onto the wire as it is");
 
 static struct refusal answer_can_state(struct controller *controller, const struct frame *request,

@@ -179,6 +179,11 @@ DETECTOR(brown_out_reset_off)
     return (supervisor->noted & PROTO_FAULT_BROWN_OUT_RESET_OFF) != 0;
 }
 
+DETECTOR(crystal_wrong)
+{
+    return (supervisor->noted & PROTO_FAULT_CRYSTAL_WRONG) != 0;
+}
+
 DETECTOR(main_loop_hung)
 {
     return supervisor->main_loop_hung;
@@ -215,7 +220,8 @@ DETECTOR(main_loop_hung)
     ROW(MOTOR_LEFT_HOT, left_hot, 0, true, WHEN_GONE)                                                        \
     ROW(MOTOR_RIGHT_HOT, right_hot, 0, true, WHEN_GONE)                                                      \
     ROW(SUPPLY_DIP, supply_dip, 0, true, WHEN_GONE)                                                          \
-    ROW(BROWN_OUT_RESET_OFF, brown_out_reset_off, 0, false, LASTS)
+    ROW(BROWN_OUT_RESET_OFF, brown_out_reset_off, 0, false, LASTS)                                           \
+    ROW(CRYSTAL_WRONG, crystal_wrong, 0, false, LASTS)
 
 enum position {
 #define POSITION(name, present, hold, stops, clears) POSITION_##name,

@@ -31,6 +31,7 @@ struct hal_identity {
     bool program_fault;   /* the start followed a fault of the program, see hal_fault_record */
     bool was_moving;      /* memory was kept, and holds what hal_note_moving was last given: true */
     bool brown_out_reset; /* a sag of the board's own supply resets it before it errs */
+    bool crystal_wrong;   /* it oscillates at another frequency than the image is made for, and is not used */
     bool clock_fallback;  /* the crystal or the PLL failed: timing has the accuracy of the RC oscillator */
 };
 
@@ -93,7 +94,8 @@ enum hal_can_state {
     HAL_CAN_ACTIVE,
     HAL_CAN_WARNING,
     HAL_CAN_PASSIVE,
-    HAL_CAN_BUS_OFF
+    HAL_CAN_BUS_OFF,
+    HAL_CAN_NO_CRYSTAL
 };
 
 /* The CAN controller; its numbers count from start-up. */

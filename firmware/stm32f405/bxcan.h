@@ -5,8 +5,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Prepares pins and interrupts; hal_can_start joins the bus. */
-void bxcan_prepare(uint32_t bus_hz);
+/* Prepares pins and interrupts; hal_can_start joins the bus, unless the clock is too inexact for one. */
+void bxcan_prepare(uint32_t bus_hz, bool exact);
 
 /* Every millisecond, from the tick: recovery from bus-off, and discards frames without acknowledgment. */
 void bxcan_tick(void);

@@ -2,6 +2,7 @@
 #include "clock.h"
 
 #include "cortex.h"
+#include "crystal.h"
 #include "fault.h"
 #include "registers.h"
 
@@ -16,15 +17,19 @@
 
 /* Both give the PLL the 2 MHz that RM0090 section 7.3.2 recommends for least jitter, and an output of VCO /
  * 2. From the crystal, 336 MHz / 2 = 168 MHz and 336 MHz / 7 = 48 MHz for the random number generator. From
- * the RC oscillator, 332 MHz: APB1 is then 41.5 MHz, which divides to 921600 baud within 0.07 %, where 42 MHz
- * misses it by 0.93 %. The oscillator's own error (1 % at 25 C) uses up that margin. */
+ * the RC oscillator, 316 MHz / 2 = 158 MHz: no more than the chip's 168 even where it is 4.5 % too fast, as
+ * it may be over temperature (datasheet section 5.3.9), and APB1's 39.5 MHz divide to 921600 baud within 0.33
+ * %. */
 #define PLL_FROM_CRYSTAL                                                                                     \
     (RCC_PLLCFGR_M(4) | RCC_PLLCFGR_N(168) | RCC_PLLCFGR_P_2 | RCC_PLLCFGR_SRC_HSE | RCC_PLLCFGR_Q(7))
-#define PLL_FROM_INTERNAL (RCC_PLLCFGR_M(8) | RCC_PLLCFGR_N(166) | RCC_PLLCFGR_P_2 | RCC_PLLCFGR_Q(7))
+#define PLL_FROM_INTERNAL (RCC_PLLCFGR_M(8) | RCC_PLLCFGR_N(158) | RCC_PLLCFGR_P_2 | RCC_PLLCFGR_Q(7))
 #define CRYSTAL_PLL_HZ    168000000u
-#define INTERNAL_PLL_HZ   166000000u
+#define INTERNAL_PLL_HZ   158000000u
 
-/* First silicon (revision A) must not prefetch: ES0182, "ART Accelerator prefetch queue". */
+/* First silicon (revision A) must not prefetch (ES0182, "ART Accelerator prefetch queue"), and it gives
+ * itself out for an STM32F2 of revision 0x2000 ("MCU device ID is incorrect"): so only what is known to be
+ * an STM32F405 or F407 and no revision A prefetches. The caches are good in all. */
+#define IDCODE_DEVICE     0x413u
 #define IDCODE_REVISION_A 0x1000u
 
 /* True once all bits of `mask` in `reg` read as `value`. SysTick measures, as it runs from the start. */
@@ -78,7 +83,8 @@ static bool start_pll(uint32_t settings)
 static bool prefetch_allowed(void)
 {
     uint32_t id;
-    return guarded_read(DBGMCU_IDCODE_ADDRESS, &id) && (id >> 16) != IDCODE_REVISION_A;
+    return guarded_read(DBGMCU_IDCODE_ADDRESS, &id) && (id & 0xFFFu) == IDCODE_DEVICE &&
+           (id >> 16) != IDCODE_REVISION_A;
 }
 
 /* Flash and buses are slowed down before the CPU speeds up; a flash that does not take it keeps the CPU
@@ -119,7 +125,11 @@ void clock_start(struct clock *out)
     (void)RCC->apb1enr;
     PWR_CR |= PWR_CR_VOS;
 
-    const bool crystal = start_crystal();
+    const bool oscillates = start_crystal();
+    const bool crystal = oscillates && crystal_is_right();
+    if (oscillates && !crystal) {
+        RCC->cr &= ~RCC_CR_HSEON;
+    }
     if (crystal && start_pll(PLL_FROM_CRYSTAL) && switch_to_pll()) {
         RCC->cr |= RCC_CR_CSSON; /* a crystal that stops later raises the NMI */
         describe_pll(out, CLOCK_CRYSTAL_PLL, CRYSTAL_PLL_HZ);
@@ -133,5 +143,6 @@ void clock_start(struct clock *out)
                               .timer_apb1_hz = CLOCK_RESET_HZ,
                               .timer_apb2_hz = CLOCK_RESET_HZ};
     }
+    out->crystal_wrong = oscillates && !crystal;
     SYSTICK->ctrl = 0;
 }

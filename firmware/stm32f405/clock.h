@@ -10,19 +10,20 @@
 
 enum clock_source {
     CLOCK_CRYSTAL_PLL,  /* 8 MHz crystal, 168 MHz */
-    CLOCK_INTERNAL_PLL, /* the crystal did not start: RC oscillator through the PLL, 166 MHz */
+    CLOCK_INTERNAL_PLL, /* the crystal is not there, or another: RC oscillator through the PLL, 158 MHz */
     CLOCK_INTERNAL,     /* nor did the PLL: RC oscillator, 16 MHz */
 };
 
 struct clock {
     enum clock_source source;
+    bool crystal_wrong;     /* it oscillates, at another frequency than 8 MHz */
     uint32_t cpu_hz;        /* HCLK, and SysTick */
     uint32_t apb1_hz;       /* USART3 */
     uint32_t timer_apb1_hz; /* TIM2 to TIM4 */
     uint32_t timer_apb2_hz; /* TIM1 */
 };
 
-/* Brings the clocks up; takes 60 ms at most, and always returns with one that runs. */
+/* Brings the clocks up; takes 65 ms at most, and always returns with one that runs. */
 void clock_start(struct clock *out);
 
 #endif

@@ -39,6 +39,14 @@ static inline void cpu_barrier(void)
     __asm volatile("dsb\n\tisb" ::: "memory");
 }
 
+/* For the end of a handler that clears its flag in a peripheral: the write is buffered, and the processor
+ * would enter the handler again if it returned before the flag has fallen (Arm, Application Note 321,
+ * section 4.9). */
+static inline void cpu_finish_writes(void)
+{
+    __asm volatile("dsb" ::: "memory");
+}
+
 /* Keeps the compiler from moving memory accesses across; a single CPU needs no more than that. */
 static inline void compiler_barrier(void)
 {

@@ -71,6 +71,7 @@ void identity_start(const struct clock *clock)
     RCC->csr |= RCC_CSR_RMVF; /* or the next reset would add its cause to this one's */
     identity.cpu_hz = clock->cpu_hz;
     identity.clock_fallback = clock->source != CLOCK_CRYSTAL_PLL;
+    identity.crystal_wrong = clock->crystal_wrong;
 }
 
 void hal_note_moving(bool moving)

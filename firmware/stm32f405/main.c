@@ -142,7 +142,7 @@ int main(void)
     log_memory_start();
     controller_init(&controller);
     usart_link_start(clock.apb1_hz); /* late, or what arrives before interrupts are on would overrun */
-    bxcan_prepare(clock.apb1_hz);
+    bxcan_prepare(clock.apb1_hz, clock.source == CLOCK_CRYSTAL_PLL);
     watchdog_shorten();
     start_tick(clock.cpu_hz);
     cpu_interrupts_on();

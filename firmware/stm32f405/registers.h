@@ -100,6 +100,7 @@ _Static_assert(sizeof(struct rcc) == 0x78, "RCC_CSR lies at 0x74");
 #define RCC_CFGR_SW_PLL     (2u << 0)
 #define RCC_CFGR_SWS_MASK   (3u << 2)
 #define RCC_CFGR_SWS_PLL    (2u << 2)
+#define RCC_CFGR_RTCPRE(d)  ((uint32_t)(d) << 16)
 #define RCC_CFGR_PPRE1_DIV4 (5u << 10)
 #define RCC_CFGR_PPRE2_DIV2 (4u << 13)
 #define RCC_CIR_CSSF        (1u << 7)
@@ -118,6 +119,7 @@ _Static_assert(sizeof(struct rcc) == 0x78, "RCC_CSR lies at 0x74");
 #define RCC_APB1ENR_PWR     (1u << 28)
 #define RCC_APB2ENR_TIM1    (1u << 0)
 #define RCC_APB2ENR_TIM8    (1u << 1)
+#define RCC_APB2ENR_TIM11   (1u << 18)
 #define RCC_APB2ENR_ADC1    (1u << 8)
 #define RCC_APB2ENR_SYSCFG  (1u << 14)
 #define RCC_CSR_RMVF        (1u << 24)
@@ -224,9 +226,13 @@ struct timer {
     reg32 rcr;
     reg32 ccr[4];
     reg32 bdtr;
+    reg32 reserved_48[2];
+    reg32 option; /* TIM2, TIM5 and TIM11 */
 };
+_Static_assert(sizeof(struct timer) == 0x54, "TIM11_OR lies at 0x50");
 #define TIM1                ((struct timer *)0x40010000u)
 #define TIM8                ((struct timer *)0x40010400u) /* as TIM1 */
+#define TIM11               ((struct timer *)0x40014800u) /* section 19.5: one channel, no BDTR */
 #define TIM2                ((struct timer *)0x40000000u)
 #define TIM3                ((struct timer *)0x40000400u)
 #define TIM4                ((struct timer *)0x40000800u)
@@ -247,6 +253,10 @@ struct timer {
 #define TIM_BDTR_BKE        (1u << 12)
 #define TIM_BDTR_BKP        (1u << 13) /* a break while the input is high */
 #define TIM_BDTR_MOE        (1u << 15)
+#define TIM_CCMR_EACH_8     (3u << 2) /* each eighth edge is captured */
+#define TIM_SR_CC1IF        (1u << 1)
+#define TIM_SR_CC1OF        (1u << 9) /* a capture came while the last one was not read */
+#define TIM11_OR_HSE_RTC    (2u << 0) /* channel 1 is the crystal over RTCPRE */
 #define TIM_SR_BIF          (1u << 7) /* there was a break; cleared by writing 0 once the input is quiet */
 
 /* Serial port, section 30.6. */

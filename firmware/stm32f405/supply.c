@@ -41,6 +41,7 @@ void PVD_Handler(void)
     motors_stop();
     dipped = true;
     EXTI->pr = LINE_PVD;
+    cpu_finish_writes();
 }
 
 bool supply_dipped(void)

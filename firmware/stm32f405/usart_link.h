@@ -5,7 +5,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define LINK_BAUD 921600u
+/* Where the clock does not divide to the first within 2 %, half of it, and so on. */
+#define LINK_BAUD     921600u
+#define LINK_BAUD_MIN 115200u
 
 /* What went wrong on the line since start; with DMA the number of ticks that found it so, without it of
  * bytes. */

@@ -57,7 +57,9 @@ struct board *board_create(const struct board_options *options)
     for (unsigned i = 0; i < EVENTS; i++) {
         b->events[i].at = NEVER;
     }
-    time_set_hz(b, HSI_HZ);
+    b->hsi_hz = HSI_HZ;
+    b->idcode = IDCODE;
+    time_set_hz(b, b->hsi_hz);
     bool memory = b->flash_array != NULL && b->flash_before != NULL && b->sram != NULL && b->ccm != NULL &&
                   b->system != NULL && b->flash_blocks != NULL;
     if (!memory || !cpu_open(b)) {
@@ -218,6 +220,24 @@ void board_set_crystal_hz(struct board *board, uint32_t hz)
     if (board->powered) {
         rcc_clock_changed(board);
     }
+}
+
+void board_set_pll_dead(struct board *board, bool dead)
+{
+    board->pll_dead = dead;
+}
+
+void board_set_hsi_hz(struct board *board, uint32_t hz)
+{
+    board->hsi_hz = hz;
+    if (board->powered) {
+        rcc_clock_changed(board);
+    }
+}
+
+void board_set_idcode(struct board *board, uint32_t idcode)
+{
+    board->idcode = idcode;
 }
 
 void board_set_flash_slow(struct board *board, bool slow)

@@ -86,6 +86,13 @@ void board_reset(struct board *board, enum board_reset cause);
 void board_set_crystal(struct board *board, bool alive);
 /* The crystal's true frequency from now on, not the nominal one. */
 void board_set_crystal_hz(struct board *board, uint32_t hz);
+/* From its next start on the PLL never locks. */
+void board_set_pll_dead(struct board *board, bool dead);
+/* The internal high-speed oscillator's true frequency from now on; 16 MHz within 8 % below and 4.5 % above on
+ * the chip. */
+void board_set_hsi_hz(struct board *board, uint32_t hz);
+/* What DBGMCU_IDCODE reads: 0x10076413 at first. Revision A of an STM32F405 reads 0x20006411. */
+void board_set_idcode(struct board *board, uint32_t idcode);
 /* The internal low-speed oscillator's true frequency, 17 to 47 kHz on the chip; from the next reset on. */
 void board_set_lsi_hz(struct board *board, uint32_t hz);
 /* A debugger halts the core, or lets it go on; what DBGMCU freezes stops with it. */
@@ -133,6 +140,9 @@ uint32_t board_can_bits(const struct board_can_frame *frame);
 /* Memory as a debugger sees it: no side effects on registers. False: not memory. */
 bool board_read_memory(const struct board *board, uint32_t address, uint8_t *out, size_t length);
 bool board_write_memory(struct board *board, uint32_t address, const uint8_t *data, size_t length);
+
+/* A register as a debugger reads it, with what reading does to it. */
+uint32_t board_read_register(struct board *board, uint32_t address);
 
 /* Hash over all time-stamped events at the pins so far, 128 bits. */
 void board_trace_hash(const struct board *board, uint64_t out[2]);

@@ -295,6 +295,11 @@ static uint32_t cpu_read(struct board *b, uint32_t address, unsigned size)
     return read_any(b, address, size);
 }
 
+uint32_t board_read_register(struct board *board, uint32_t address)
+{
+    return cpu_read(board, address, 4);
+}
+
 static void cpu_write(struct board *b, uint32_t address, unsigned size, uint32_t value)
 {
     uint32_t target;

@@ -34,8 +34,8 @@ void board_set_halted(struct board *board, bool halted)
 
 bool dbgmcu_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
 {
-    if (offset == 0) { /* IDCODE of an STM32F405, revision Z (RM0090 38.6.1) */
-        *value = 0x10076413u;
+    if (offset == 0) {
+        *value = b->idcode;
         return true;
     }
     uint32_t *store = &b->dbgmcu[offset / 4 - 1];

@@ -35,6 +35,7 @@ enum {
 #define PS_PER_US 1000000ULL
 #define LSI_HZ    32000U
 #define HSI_HZ    16000000U
+#define IDCODE    0x10076413U /* DBGMCU_IDCODE of an STM32F405, revision 1 (RM0090 section 38.6.1) */
 #define XPSR_IT   0x0600FC00u /* ITSTATE */
 
 /* ---- exceptions (ARMv7-M, PM0214 section 2.3) ---- */
@@ -295,11 +296,20 @@ struct board {
     uint32_t adc_ccr;
     struct iwdg iwdg;
     uint32_t lsi_hz;
+    uint32_t hsi_hz; /* the internal high-speed oscillator's true frequency */
+    uint32_t idcode;
+    struct clock_capture {
+        uint64_t source_mhz; /* edges are counted anew when one of these three changes */
+        uint32_t edges_each;
+        bool on;
+        uint64_t since_ps, taken;
+    } clock_capture;
     struct exti exti;
     uint32_t syscfg_memrmp, syscfg_pmc, syscfg_exticr[4], dbgmcu[3];
     uint32_t rng_cr;
     uint64_t rng_state;
     bool crystal_alive;
+    bool pll_dead;
     bool flash_slow;
     bool adc_dead;
     uint32_t
@@ -413,6 +423,8 @@ bool break_level(struct board *b, int timer);
 void timer_break_update(struct board *b, int timer);
 bool phase_level(int64_t position, bool is_b);
 bool pin_of_timer(const struct board *b, int timer, int channel, struct board_pin *out);
+void clock_capture_sync(struct board *b);
+uint64_t rcc_hse_rtc_mhz(const struct board *b);
 bool timer_access(struct board *b, int timer, uint32_t offset, bool write, uint32_t *value);
 void timer_reset(struct board *b, int timer);
 void timer_sync(struct board *b, int timer);

@@ -30,7 +30,7 @@ static bool hse_ready(const struct board *b)
 static uint32_t pll_hz(const struct board *b)
 {
     uint32_t r = b->rcc.pllcfgr;
-    uint64_t source = (r & 1u << 22) != 0 ? b->options.crystal_hz : HSI_HZ;
+    uint64_t source = (r & 1u << 22) != 0 ? b->options.crystal_hz : b->hsi_hz;
     uint32_t m = r & 0x3Fu;
     uint32_t n = r >> 6 & 0x1FFu;
     uint32_t p = 2 * ((r >> 16 & 3u) + 1);
@@ -58,7 +58,7 @@ static void apply(struct board *b)
     if (ready[wanted] != 0) {
         r->cfgr = (r->cfgr & ~(3u << 2)) | wanted << 2;
     }
-    const uint32_t source_hz[] = {HSI_HZ, b->options.crystal_hz, pll_hz(b), HSI_HZ};
+    const uint32_t source_hz[] = {b->hsi_hz, b->options.crystal_hz, pll_hz(b), b->hsi_hz};
     uint32_t sysclk = source_hz[r->cfgr >> 2 & 3u];
     uint32_t hpre = prescaler(r->cfgr >> 4 & 0xFu, 8);
     uint32_t ppre1 = prescaler(r->cfgr >> 10 & 7u, 4);
@@ -90,6 +90,13 @@ static void apply(struct board *b)
         warn_once(b, 0xF0000004u, "flash has %u wait states at %u Hz: too few", (unsigned)(b->flash.acr & 7u),
                   (unsigned)hz);
     }
+}
+
+/* HSE_RTC, the crystal over RTCPRE (RM0090 section 7.3.3); 0: none. In mHz, for the remainder. */
+uint64_t rcc_hse_rtc_mhz(const struct board *b)
+{
+    const uint32_t divider = b->rcc.cfgr >> 16 & 0x1Fu;
+    return divider >= 2 && hse_ready(b) ? (uint64_t)b->options.crystal_hz * 1000u / divider : 0;
 }
 
 void rcc_clock_changed(struct board *b)
@@ -151,7 +158,8 @@ static void write_cr(struct board *b, uint32_t value)
     turn(b, before, HSION, HSIRDY, EVENT_RCC_HSI, HSI_START_PS);
     turn(b, before, HSEON, HSERDY, EVENT_RCC_HSE, crystal ? HSE_START_PS : NEVER);
     bool source = (r->pllcfgr & 1u << 22) != 0 ? hse_ready(b) : (r->cr & HSIRDY) != 0;
-    turn(b, before, PLLON, PLLRDY, EVENT_RCC_PLL, source && pll_hz(b) != 0 ? PLL_LOCK_PS : NEVER);
+    turn(b, before, PLLON, PLLRDY, EVENT_RCC_PLL,
+         source && !b->pll_dead && pll_hz(b) != 0 ? PLL_LOCK_PS : NEVER);
     r->cr = (r->cr & PLLI2SON) != 0 ? r->cr | PLLI2SRDY : r->cr & ~(uint32_t)PLLI2SRDY;
     apply(b);
 }
@@ -299,5 +307,5 @@ void rcc_reset(struct board *b, uint32_t cause_flags)
     b->rcc.lpenr[APB1] = 0x36FEC9FFu;
     b->rcc.lpenr[APB2] = 0x00075F33u;
     b->rcc.plli2scfgr = 0x20003000u;
-    time_set_hz(b, HSI_HZ);
+    time_set_hz(b, b->hsi_hz);
 }

@@ -255,6 +255,9 @@ static void write_register(struct board *b, int timer, uint32_t offset, uint32_t
     if (has_break(timer)) {
         timer_break_update(b, timer);
     }
+    if (timer == 11) {
+        clock_capture_sync(b);
+    }
     update_line(b, timer);
     timer_schedule(b, timer);
     pins_update(b);
@@ -263,6 +266,10 @@ static void write_register(struct board *b, int timer, uint32_t offset, uint32_t
 static uint32_t read_register(struct board *b, int timer, uint32_t offset)
 {
     struct timer *t = &b->timer[timer];
+    if (timer == 11) {
+        timer_sync(b, timer);
+        clock_capture_sync(b);
+    }
     const uint32_t plain[] = {t->cr1,     t->cr2,    t->smcr,   t->dier, t->sr,  0,      t->ccmr[0],
                               t->ccmr[1], t->ccer,   0,         t->psc,  t->arr, t->rcr, t->ccr[0],
                               t->ccr[1],  t->ccr[2], t->ccr[3], t->bdtr, t->dcr, 0,      t->option};
@@ -281,6 +288,9 @@ static uint32_t read_register(struct board *b, int timer, uint32_t offset)
             return t->from;
         }
         return count_of(t, t->from);
+    }
+    if (timer == 11 && offset == 0x34 && (t->ccmr[0] & 3u) != 0) {
+        t->sr &= ~2u; /* reading what was captured clears CC1IF */
     }
     return plain[offset / 4];
 }

@@ -25,7 +25,7 @@ enum {
  * the first tick comes, and how its efforts meet the PWM period, depends on how long the image takes to
  * start: these are the usual values; a comparison with a board reads them from the board. */
 static const double read_lag_us = 0.53;
-static const double convert_lag_us = 24.0;
+static const double convert_lag_us = 24.7;
 static const double settle_lag_us = 30.5;
 static const double late_us = 0.3;
 static const double usual_first_tick_us = 14638.07;

@@ -454,6 +454,11 @@ void rig_crystal_alive(struct rig *rig, bool alive)
     board_set_crystal(rig->board, alive);
 }
 
+void rig_crystal_hz(struct rig *rig, uint32_t hz)
+{
+    board_set_crystal_hz(rig->board, hz);
+}
+
 void rig_crystal_ppm(struct rig *rig, double ppm)
 {
     board_set_crystal_hz(rig->board, (uint32_t)lround(CRYSTAL_HZ * (1.0 + ppm * 1e-6)));

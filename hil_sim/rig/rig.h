@@ -80,6 +80,7 @@ void rig_bench_voltage(struct rig *rig,
                        double volts); /* the divider sees a bench supply; below 0: the battery */
 void rig_emergency_stop(struct rig *rig, bool pressed); /* its contact opens, as by a broken wire */
 void rig_crystal_alive(struct rig *rig, bool alive);
+void rig_crystal_hz(struct rig *rig, uint32_t hz); /* another crystal than the 8 MHz */
 void rig_crystal_ppm(struct rig *rig, double ppm); /* deviation from the nominal frequency */
 void rig_power(struct rig *rig, bool on);          /* the board's supply; off also releases the bridges */
 void rig_reset(struct rig *rig, enum board_reset cause);

@@ -1276,7 +1276,7 @@ const char *proto_clock_source_name(unsigned value) {
 }
 
 const char *proto_can_bus_state_name(unsigned value) {
-    static const char *const names[] = {"off", "joining", "active", "warning", "passive", "bus_off"};
+    static const char *const names[] = {"off", "joining", "active", "warning", "passive", "bus_off", "no_crystal"};
     return value >= PROTO_CAN_BUS_STATE_COUNT ? "?" : names[value];
 }
 
@@ -1301,7 +1301,7 @@ const char *proto_refusal_reason_name(unsigned value) {
 }
 
 const char *proto_fault_name(unsigned bit) {
-    static const char *const names[] = {"encoder_left_implausible", "encoder_right_implausible", "battery_unread", "battery_low", "host_silent", "loop_overrun", "clock_fallback", "parameter_store_damaged", "encoder_left_lost", "encoder_right_lost", "encoder_left_reversed", "encoder_right_reversed", "wheel_left_stalled", "wheel_right_stalled", "overspeed", "brown_out", "program_fault", "watchdog_reset", "sequence_damaged", "can_bus_off", "control_not_finite", "main_loop_hung", "unexpected_reset", "emergency_stop", "battery_high", "motor_left_hot", "motor_right_hot", "supply_dip", "brown_out_reset_off"};
+    static const char *const names[] = {"encoder_left_implausible", "encoder_right_implausible", "battery_unread", "battery_low", "host_silent", "loop_overrun", "clock_fallback", "parameter_store_damaged", "encoder_left_lost", "encoder_right_lost", "encoder_left_reversed", "encoder_right_reversed", "wheel_left_stalled", "wheel_right_stalled", "overspeed", "brown_out", "program_fault", "watchdog_reset", "sequence_damaged", "can_bus_off", "control_not_finite", "main_loop_hung", "unexpected_reset", "emergency_stop", "battery_high", "motor_left_hot", "motor_right_hot", "supply_dip", "brown_out_reset_off", "crystal_wrong"};
     return bit >= PROTO_FAULT_COUNT ? "?" : names[bit];
 }
 

@@ -20,7 +20,7 @@
 #define PROTO_CAN_ANNOUNCE_BASE 0x680u /* its CAN id is this plus the node */
 #define PROTO_CAN_STATUS_BASE 0x6c0u /* its CAN id is this plus the node */
 #define PROTO_CAN_MOTION_BASE 0x700u /* its CAN id is this plus the node */
-#define PROTO_SCHEMA_HASH 0xb0e2106au
+#define PROTO_SCHEMA_HASH 0x15b6663bu
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
@@ -168,8 +168,9 @@ enum proto_can_bus_state {
     PROTO_CAN_BUS_STATE_WARNING = 3, /* takes part; an error counter has reached 96 */
     PROTO_CAN_BUS_STATE_PASSIVE = 4, /* takes part without the right to destroy others' frames; an error counter has passed 127 */
     PROTO_CAN_BUS_STATE_BUS_OFF = 5, /* took itself off the bus after too many errors; it tries again after a pause */
+    PROTO_CAN_BUS_STATE_NO_CRYSTAL = 6, /* silent: without its crystal the board's clock is too inexact for a bus, and would destroy others' frames */
 };
-enum { PROTO_CAN_BUS_STATE_COUNT = 6 };
+enum { PROTO_CAN_BUS_STATE_COUNT = 7 };
 const char *proto_can_bus_state_name(unsigned value); /* "?" for a value that is none of them */
 
 /* what a live stream may carry; each travels as an i32 */
@@ -797,7 +798,7 @@ enum proto_fault {
     PROTO_FAULT_BATTERY_LOW = 1u << 3, /* the supply stayed below battery_low_v */
     PROTO_FAULT_HOST_SILENT = 1u << 4, /* the host fell silent: no valid command within command_timeout_s of a live drive, or no request within heartbeat_timeout_s of a sequence that needs its host */
     PROTO_FAULT_LOOP_OVERRUN = 1u << 5, /* a control tick was lost: one began more than 1.5 ms after the one before, or was due before that had ended */
-    PROTO_FAULT_CLOCK_FALLBACK = 1u << 6, /* the crystal did not start; the CPU runs from its internal oscillator (1 % clock error, baud rate included) */
+    PROTO_FAULT_CLOCK_FALLBACK = 1u << 6, /* the crystal did not start; the CPU runs from its internal oscillator (1 % clock error, baud rate included), and the CAN bus is silent */
     PROTO_FAULT_PARAMETER_STORE_DAMAGED = 1u << 7, /* the stored parameters cannot all be read: those in force are older ones or the defaults */
     PROTO_FAULT_ENCODER_LEFT_LOST = 1u << 8, /* the left motor was driven and its encoder counted nothing, from the start or from one moment to the next */
     PROTO_FAULT_ENCODER_RIGHT_LOST = 1u << 9, /* the right motor was driven and its encoder counted nothing, from the start or from one moment to the next */
@@ -820,8 +821,9 @@ enum proto_fault {
     PROTO_FAULT_MOTOR_RIGHT_HOT = 1u << 26, /* the right motor has been heated as by more than motor_continuous_a for ever: by the current that effort, supply and speed imply */
     PROTO_FAULT_SUPPLY_DIP = 1u << 27, /* the board's own 3.3 V fell below 2.93 V for a moment: less would restart it */
     PROTO_FAULT_BROWN_OUT_RESET_OFF = 1u << 28, /* the chip's option bytes leave its brown-out reset off or too low: in a sag of its supply it may run on wrong instructions */
+    PROTO_FAULT_CRYSTAL_WRONG = 1u << 29, /* the crystal does not oscillate at 8 MHz, so that the CPU runs from its internal oscillator; the CAN bus is silent */
 };
-#define PROTO_FAULT_COUNT 29u
+#define PROTO_FAULT_COUNT 30u
 #define PROTO_FAULTS_THAT_STOP ((uint32_t)(PROTO_FAULT_ENCODER_LEFT_IMPLAUSIBLE | PROTO_FAULT_ENCODER_RIGHT_IMPLAUSIBLE | PROTO_FAULT_BATTERY_UNREAD | PROTO_FAULT_BATTERY_LOW | PROTO_FAULT_HOST_SILENT | PROTO_FAULT_LOOP_OVERRUN | PROTO_FAULT_PARAMETER_STORE_DAMAGED | PROTO_FAULT_ENCODER_LEFT_LOST | PROTO_FAULT_ENCODER_RIGHT_LOST | PROTO_FAULT_ENCODER_LEFT_REVERSED | PROTO_FAULT_ENCODER_RIGHT_REVERSED | PROTO_FAULT_WHEEL_LEFT_STALLED | PROTO_FAULT_WHEEL_RIGHT_STALLED | PROTO_FAULT_OVERSPEED | PROTO_FAULT_BROWN_OUT | PROTO_FAULT_PROGRAM_FAULT | PROTO_FAULT_WATCHDOG_RESET | PROTO_FAULT_SEQUENCE_DAMAGED | PROTO_FAULT_CONTROL_NOT_FINITE | PROTO_FAULT_MAIN_LOOP_HUNG | PROTO_FAULT_UNEXPECTED_RESET | PROTO_FAULT_EMERGENCY_STOP | PROTO_FAULT_BATTERY_HIGH | PROTO_FAULT_MOTOR_LEFT_HOT | PROTO_FAULT_MOTOR_RIGHT_HOT | PROTO_FAULT_SUPPLY_DIP))
 const char *proto_fault_name(unsigned bit); /* bit: 0..31 */
 

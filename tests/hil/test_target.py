@@ -106,7 +106,7 @@ def test_without_a_crystal_it_says_so_and_works_from_the_internal_oscillator(
         client = connect(robot)
         client.stream.sleep(0.3)
         assert hello(client).clock_source == tp.ClockSource.INTERNAL_PLL
-        assert robot.stats().cpu_hz == 166_000_000
+        assert robot.stats().cpu_hz == 158_000_000
         active = faults_in(client.request(tp.StatusRequest()).faults_active)
         assert [fault.name for fault in active] == ["clock_fallback"]
         start(client, MIXED, 20)

@@ -110,3 +110,23 @@ def test_a_board_that_is_in_use_is_told_from_one_that_is_gone() -> None:
         with pytest.raises(PortError, match="in use by somebody"):
             stream.read(1.0)
         stream.close()
+
+
+@pytest.mark.parametrize(
+    ("port", "opened"),
+    [
+        ("/dev/ttyUSB7", ("/dev/ttyUSB7", 921_600)),
+        ("/dev/ttyUSB7@460800", ("/dev/ttyUSB7", 460_800)),
+        ("COM3@460800", ("COM3", 460_800)),
+        ("/dev/serial/by-id/usb-a@b", ("/dev/serial/by-id/usb-a@b", 921_600)),
+    ],
+)
+def test_a_port_may_name_its_baud_rate(
+    monkeypatch: pytest.MonkeyPatch, port: str, opened: tuple[str, int]
+) -> None:
+    seen: list[tuple[str, int]] = []
+    monkeypatch.setattr(
+        "truing.link.serial_stream.SerialStream", lambda device, baud: seen.append((device, baud))
+    )
+    open_stream(port)
+    assert seen == [opened]

@@ -391,6 +391,26 @@ class VirtualRobot(Simulated):
         _check_ppm(ppm)
         self._library.rig_crystal_ppm(self._rig, ppm)
 
+    def set_crystal_hz(self, hz: int) -> None:
+        """Fit a crystal of another frequency than 8 MHz; meant for a board that is switched off."""
+        self._library.rig_crystal_hz(self._rig, hz)
+
+    def set_hsi_hz(self, hz: int) -> None:
+        """Let the internal oscillator run at this frequency instead of 16 MHz (14.72 to 16.72 MHz)."""
+        self._library.board_set_hsi_hz(self._board, hz)
+
+    def set_pll_dead(self, dead: bool) -> None:
+        """Keep the PLL from locking, from its next start on."""
+        self._library.board_set_pll_dead(self._board, dead)
+
+    def set_idcode(self, idcode: int) -> None:
+        """Let DBGMCU_IDCODE read this: another revision or chip."""
+        self._library.board_set_idcode(self._board, idcode)
+
+    def read_register(self, address: int) -> int:
+        """Return a register's value as a debugger reads it, with what reading does to it."""
+        return int(self._library.board_read_register(self._board, address))
+
     def set_power(self, on: bool) -> None:
         """Switch the board's supply; SRAM is noise after each power-on, flash keeps its content."""
         self._library.rig_power(self._rig, on)
@@ -461,4 +481,3 @@ class VirtualRobot(Simulated):
 def _check_ppm(ppm: float) -> None:
     if not abs(ppm) <= _MAX_PPM:
         raise VirtualRobotError(f"a crystal error of {ppm:g} ppm is beyond {_MAX_PPM:g} ppm")
-

@@ -14,7 +14,9 @@ from truing.virtual.options import VirtualOptions
 if TYPE_CHECKING:
     from truing.link.can_bus import CanBus
 
-_KINDS = "sim, auto, /dev/..., tcp:HOST:PORT, can:INTERFACE:CHANNEL[@BITRATE][/NODE], can:sim, can:virtual"
+_KINDS = (
+    "sim, auto, /dev/...[@BAUD], tcp:HOST:PORT, can:INTERFACE:CHANNEL[@BITRATE][/NODE], can:sim, can:virtual"
+)
 # Adapters of these vendors sit on robots' controllers; others (modems, phones) are listed, not tried.
 _LIKELY_VENDORS = {
     0x0403: "FTDI",
@@ -62,7 +64,7 @@ def open_stream(port: str, virtual: VirtualOptions | None = None) -> Stream:
     kind, _, rest = port.partition(":")
     if kind in _OPENERS:
         return _OPENERS[kind](rest, virtual or VirtualOptions())
-    if port.startswith("/") or re.fullmatch(r"COM\d+", port, re.IGNORECASE):
+    if port.startswith("/") or re.fullmatch(r"COM\d+(@\d+)?", port, re.IGNORECASE):
         return _open_serial(port)
     raise PortError(f"{port}: not a kind of port that truing knows", f"use one of: {_KINDS}")
 
@@ -128,10 +130,13 @@ def _open_auto(_rest: str, _virtual: VirtualOptions) -> Stream:
     raise PortError(f"auto: {len(likely)} ports may lead to a board: {listed}", "choose one with --port")
 
 
-def _open_serial(device: str) -> Stream:
-    from truing.link.serial_stream import SerialStream
+def _open_serial(address: str) -> Stream:
+    from truing.link.serial_stream import BAUD, SerialStream
 
-    return SerialStream(device)
+    device, at, baud = address.rpartition("@")
+    if at and baud.isdecimal():
+        return SerialStream(device, int(baud))
+    return SerialStream(address, BAUD)
 
 
 _OPENERS: dict[str, Callable[[str, VirtualOptions], Stream]] = {

@@ -19,6 +19,7 @@ class SerialStream:
     Parameters
     ----------
     device : its path, as `/dev/ttyUSB0`.
+    baud : the rate of the line; a board whose PLL does not lock has 460800.
     """
 
     virtual = False

@@ -107,6 +107,7 @@ class CanBusState(IntEnum):
     WARNING = 3  # takes part; an error counter has reached 96
     PASSIVE = 4  # takes part without the right to destroy others' frames; an error counter has passed 127
     BUS_OFF = 5  # took itself off the bus after too many errors; it tries again after a pause
+    NO_CRYSTAL = 6  # silent: without its crystal the board's clock is too inexact for a bus, and would destroy others' frames
 
 
 class Signal(IntEnum):

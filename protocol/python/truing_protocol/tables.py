@@ -21,7 +21,7 @@ LOG_RECORD_VERSION: Final = 2
 CAN_HOST_TO_BOARD: Final = 0x600
 CAN_BOARD_TO_HOST: Final = 0x640
 CAN_NODES: Final = 0x3f
-SCHEMA_HASH: Final = 0xb0e2106a
+SCHEMA_HASH: Final = 0x15b6663b
 REFUSAL_ID: Final = 0xff
 REPLY_BIT: Final = 0x80
 
@@ -150,7 +150,7 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
         6,
         "clock_fallback",
         False,
-        "the crystal did not start; the CPU runs from its internal oscillator (1 % clock error, baud rate included)",
+        "the crystal did not start; the CPU runs from its internal oscillator (1 % clock error, baud rate included), and the CAN bus is silent",
         "check the crystal and its capacitors; driving is possible meanwhile",
     ),
     FaultInfo(
@@ -306,6 +306,13 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
         False,
         "the chip's option bytes leave its brown-out reset off or too low: in a sag of its supply it may run on wrong instructions",
         "`truing flash` sets the option bytes with the image; driving is possible meanwhile",
+    ),
+    FaultInfo(
+        29,
+        "crystal_wrong",
+        False,
+        "the crystal does not oscillate at 8 MHz, so that the CPU runs from its internal oscillator; the CAN bus is silent",
+        "fit a crystal of 8 MHz, or build the image for this board's (`firmware/stm32f405/clock.c`); driving is possible meanwhile",
     ),
 )
 
