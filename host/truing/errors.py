@@ -104,6 +104,10 @@ class ParameterFileError(FileError):
     """A file of parameters is unreadable, or holds what no board would take."""
 
 
+class FormError(FileError):
+    """A form of a board's bring-up cannot be read, or belongs to another board."""
+
+
 class IdentifyError(TruingError):
     """A recording is well-formed, but the asked-for quantity cannot be determined from it."""
 
