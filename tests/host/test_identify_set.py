@@ -70,12 +70,12 @@ def test_runs_carry_the_papers_labels(paper_like: Identification) -> None:
     assert [run.mode for run in paper_like.runs] == ["E-L", "V-L", "E-B"]
 
 
-def test_one_level_goes_to_table_iii_and_several_to_table_iv(paper_like: Identification) -> None:
+def test_steps_of_one_level_and_of_several_have_tables_of_their_own(paper_like: Identification) -> None:
     three, four, shape, _ = result_tables(paper_like)
-    assert "Table III" in three.title
+    assert three.title == "Steps, one level each"
     expected = [["01_I", "E-L", "left", "30 %"], ["02_V", "V-L", "left", "0.30 m/s"]]
     assert [row[:4] for row in three.rows] == expected
-    assert "Table IV" in four.title
+    assert four.title == "Steps, several levels"
     steps = ["0 → 35 %", "35 → 50 %", "50 → 45 %", "45 → 0 %"]
     assert [row[3] for row in four.rows] == steps * 2
     up, down = four.header.index("τ up, s"), four.header.index("τ down, s")
@@ -224,7 +224,7 @@ def test_truing_identify_prints_tables_and_writes_a_folder(folder: Path, tmp_pat
     out = tmp_path / "out"
     result = CliRunner().invoke(group, ["identify", str(folder), "--out", str(out)], catch_exceptions=False)
     assert result.exit_code == 0
-    assert "Table IV" in result.stdout
+    assert "Steps, several levels" in result.stdout
     names = {path.name for path in out.iterdir()}
     files = {"report.html", "identification.json", "steps.csv", "first_order.csv", "01_XI.png"}
     assert names == files | {"tables"}

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import logging
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from truing.board.device import Device
 
 LOGGER = logging.getLogger("truing")
+# Where nobody watches a bar, progress is told this often, s.
+PROGRESS_LINE_EVERY_S = 5.0
 
 
 @dataclass
@@ -127,11 +130,17 @@ class App:
 
     @contextmanager
     def progress(self, label: str, *, shown: bool = True) -> Iterator[Progress]:
-        """Show a bar on standard error; yields a function that takes the share done, 0 to 1."""
+        """Show how far it is on standard error; yields a function that takes the share done, 0 to 1.
+
+        A terminal shows a bar. A pipe or a file gets a line every few seconds, with the time left.
+        """
+        if shown and not self.err.is_terminal:
+            yield ProgressLines(label, self.note)
+            return
         from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
         columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-        with Progress(*columns, console=self.err, disable=not (shown and self.err.is_terminal)) as bar:
+        with Progress(*columns, console=self.err, disable=not shown) as bar:
             task = bar.add_task(label, total=1.0)
 
             def update(share: float) -> None:
@@ -149,6 +158,29 @@ class App:
             width = None if stream.isatty() else 120
             self._consoles[which] = Console(stderr=stderr, width=width, highlight=False)
         return self._consoles[which]
+
+
+class ProgressLines:
+    """Progress as lines of text: the share done and the time left, at most one line in a few seconds."""
+
+    def __init__(
+        self, label: str, say: Callable[[str], None], clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._label, self._say, self._clock = label, say, clock
+        self._begun = self._said = clock()
+
+    def __call__(self, share: float) -> None:
+        now = self._clock()
+        if now - self._said < PROGRESS_LINE_EVERY_S or not 0.0 < share < 1.0:
+            return
+        self._said = now
+        left_s = (now - self._begun) * (1.0 - share) / share
+        self._say(f"{self._label}: {100.0 * share:.0f} %, about {_duration(left_s)} left")
+
+
+def _duration(seconds: float) -> str:
+    """`40 s`, `3 min`."""
+    return f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} min"
 
 
 def _plain(value: Any) -> Any:

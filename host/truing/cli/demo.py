@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 PLAN = "paper/XI"
 # Of the diagnosis: verdict, what is missing, its numbers, where.
-DEMO_SECTIONS = 4
+DEMO_SECTIONS = 5
 
 
 @click.command()

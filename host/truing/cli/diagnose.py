@@ -135,7 +135,8 @@ def command(
         compile_once(app.note)
         with app.progress("diagnosing") as progress:
             diagnosis = diagnose(recordings, options, progress)
-        say_sections(app, sections(diagnosis))
+        board = recordings.is_from_board or not app.is_virtual
+        say_sections(app, sections(diagnosis, board=board))
         if json_path is not None:
             text = json.dumps(diagnosis.to_json(), indent=2, allow_nan=False) + "\n"
             replace_file(json_path, text.encode("utf-8"))
@@ -143,7 +144,7 @@ def command(
         if report_path is not None:
             from truing.diagnose.present.page import save_report
 
-            save_report(recordings, diagnosis, report_path)
+            save_report(recordings, diagnosis, report_path, board=board)
             app.say(f"written: {report_path}")
         for line in write_exports(wanted, recordings, diagnosis, wheel) if wanted else []:
             app.say(line)

@@ -64,6 +64,7 @@ def command(
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from truing.identify.model_ladder import fit_models
     from truing.identify.model_tables import model_tables
+    from truing.identify.summary import fitted_lines
     from truing.importers import read_runs
     from truing.recording.writer import check_output
 
@@ -74,6 +75,9 @@ def command(
     with app.progress("fitting") as progress:
         models = fit_models(recordings, richer=more, progress=progress)
     app.emit(models.to_json())
+    for line in fitted_lines(models, str(runs)):
+        app.say(line)
+    app.say()
     for table in model_tables(models):
         app.show(table.to_rich())
     if out is not None:

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     "--write-baseline", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
     help="Write gains, time constants and geometry as a baseline.toml.",
 )  # fmt: skip
+@click.option("--shapes", is_flag=True, help="Also print dead time, overshoot and ripple of every step.")
 @geometry_options
 @json_option
 def command(
@@ -40,13 +41,14 @@ def command(
     model: Path | None,
     out: Path | None,
     write_baseline: Path | None,
+    shapes: bool,
     geometry: RobotGeometry,
 ) -> None:
     """Print gain and time constants of RUNS: a recording set, a folder of CSV files, one CSV file,
     or a file of another program (`truing import --help` lists them).
 
-    Steps give a gain and a time constant each (the paper's Tables III and IV); a first-order model
-    is fitted to all runs together by free-run simulation. What cannot be determined says why.
+    Steps give a gain and a time constant each; a first-order model is fitted to all runs
+    together by free-run simulation. What cannot be determined says why.
 
     \b
     Examples:
@@ -68,7 +70,7 @@ def command(
     with app.progress("identifying") as progress:
         result = identify_set(recordings, progress)
     app.emit(result.to_json())
-    show(app, result)
+    show(app, result, str(runs), shapes=shapes)
     if write_baseline is not None:
         result.robot_model().save(write_baseline)
         app.say(f"written: {write_baseline}")
@@ -80,14 +82,24 @@ def command(
                 app.say(f"written: {path}")
 
 
-def show(app: App, result: Identification) -> None:
-    """Print findings and tables."""
+def show(app: App, result: Identification, runs: str = "RUNS", *, shapes: bool = False) -> None:
+    """Print three lines, findings and tables.
+
+    Parameters
+    ----------
+    runs : the path that the user gave.
+    shapes : also the table of dead times, overshoots and ripple.
+    """
     from truing.identify.data_checks import summarise
+    from truing.identify.summary import identified_lines
     from truing.identify.tables import result_tables, unstepped
 
+    for line in identified_lines(result, runs):
+        app.say(line)
+    app.say()
     for line in summarise(result.findings):
         app.say(f"! {line}")
-    for table in result_tables(result):
+    for table in result_tables(result, shapes=shapes):
         app.show(table.to_rich())
     for line in unstepped(result):
         app.say(line)

@@ -12,7 +12,7 @@ from truing.identify.signals import WheelSignal
 from truing.identify.structures import FREEDOMS, Structure
 
 TIME_CONSTANT = "time_constant_s"
-STEPS_ADVICE = "Drive steps of several levels both ways with rests between them: `truing run paper/XVII`"
+STEPS_ADVICE = "Record steps of several levels both ways, with rests between them"
 # A time constant that may as well be this many times longer or shorter is not known; its interval may be as
 # wide as the two together.
 UNKNOWN_FACTOR = 4.0

@@ -90,8 +90,9 @@ class SetModels:
 
     def __str__(self) -> str:
         from truing.identify.model_tables import model_tables
+        from truing.identify.summary import fitted_lines
 
-        return "\n".join(table.to_text() for table in model_tables(self))
+        return "\n".join([*fitted_lines(self), *(table.to_text() for table in model_tables(self))])
 
     def _repr_html_(self) -> str:
         return preformatted(str(self))

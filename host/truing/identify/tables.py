@@ -20,6 +20,7 @@ from truing.identify.first_order import FirstOrderFit
 from truing.identify.identification import Identification, RunIdentification, WheelSteps
 from truing.identify.quantity import Quantity
 from truing.identify.step_metrics import StepMetrics
+from truing.identify.summary import identified_lines
 
 NONE = "–"
 _MARK = re.compile(r"\[\d+\]")
@@ -100,11 +101,17 @@ class PlainTable:
             before = row
 
 
-def result_tables(result: Identification) -> list[PlainTable]:
-    """Every table of a result that has rows: Table III's form, Table IV's, the free-run fits."""
+def result_tables(result: Identification, *, shapes: bool = True) -> list[PlainTable]:
+    """Every table of a result that has rows: steps of one level, of several, their shapes, the free-run fits.
+
+    Parameters
+    ----------
+    shapes : also dead time, overshoot, undershoot and ripple of every step.
+    """
     single = [run for run in result.runs if run.level_count == 1]
     several = [run for run in result.runs if run.level_count > 1]
-    tables = [_table_iii(single), _table_iv(several), shape_table(result), _table_fits(result.fits)]
+    steps = [_table_iii(single), _table_iv(several)]
+    tables = [*steps, *([shape_table(result)] if shapes else []), _table_fits(result.fits)]
     return [table for table in tables if table.rows]
 
 
@@ -153,8 +160,8 @@ def _with_interval(table: PlainTable, quantity: Quantity, digits: int) -> str:
 
 
 def result_text(result: Identification) -> str:
-    """The findings and the fits, as `truing identify` prints them; the tables of steps are left out."""
-    lines = [f"! {line}" for line in summarise(result.findings)]
+    """Three lines, the findings and the fits, as `truing identify` prints them; no tables of steps."""
+    lines = [*identified_lines(result), *(f"! {line}" for line in summarise(result.findings))]
     return "\n".join([*lines, _table_fits(result.fits).to_text(), *unstepped(result)])
 
 
@@ -168,7 +175,7 @@ def unstepped(result: Identification) -> Iterator[str]:
 
 def _table_iii(runs: Sequence[RunIdentification]) -> PlainTable:
     table = PlainTable(
-        "Steps, one level each (the paper's Table III)",
+        "Steps, one level each",
         ["Test", "Mode", "Wheel", "Input", "Gain", "τ from 0, s", "τ to 0, s"],
         [False, False, False, True, True, True, True],
         group=2,
@@ -187,7 +194,7 @@ def _table_iii(runs: Sequence[RunIdentification]) -> PlainTable:
 
 def _table_iv(runs: Sequence[RunIdentification]) -> PlainTable:
     table = PlainTable(
-        "Steps, several levels (the paper's Table IV)",
+        "Steps, several levels",
         ["Test", "Mode", "Wheel", "Step", "Gain", "τ up, s", "τ down, s"],
         [False, False, False, True, True, True, True],
         group=3,

@@ -254,6 +254,11 @@ class RecordingSet:
     def __len__(self) -> int:
         return len(self.runs)
 
+    @property
+    def is_from_board(self) -> bool:
+        """Whether a board of ours recorded it: its logs carry the firmware's version."""
+        return any(run.metadata is not None and bool(run.metadata.firmware) for run in self.runs)
+
     def without_pose(self) -> RecordingSet:
         """The same runs without the signals from outside the wheels."""
         outside = (*TRUTH_COLUMNS, GYRO_COLUMN)

@@ -14,6 +14,7 @@ from truing import __version__
 from truing.identify.model_ladder import SetModels
 from truing.identify.model_tables import model_tables
 from truing.identify.simulate import Simulation, simulate
+from truing.identify.summary import fitted_lines
 from truing.progress import Progress
 from truing.recording.run import RecordingSet, Run, Wheel
 from truing.recording.writer import replace_file
@@ -85,7 +86,9 @@ def _page(recordings: RecordingSet, models: SetModels, figures: dict[str, Figure
     return template.substitute(
         title=escape(models.name),
         kicker="truing · models of a two-wheel robot",
-        lead=escape(
+        lead="<br>".join(map(escape, fitted_lines(models, recordings.name)))
+        + "<br>"
+        + escape(
             f"{len(recordings)} runs. Every model is fitted to all of them and judged by free-run "
             "simulation, which sees the efforts and never the measured speeds; left-out runs were not "
             "used in their fit."

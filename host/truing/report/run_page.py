@@ -14,6 +14,7 @@ from typing import Any
 from truing import __version__
 from truing.identify.data_checks import summarise
 from truing.identify.identification import Identification
+from truing.identify.summary import identified_lines
 from truing.identify.tables import PlainTable, fits_csv, result_tables, steps_csv, unstepped
 from truing.recording.run import RecordingSet, Run, RunMetadata
 from truing.recording.writer import replace_file
@@ -44,7 +45,7 @@ def render_report(recordings: RecordingSet, result: Identification) -> str:
     return template.substitute(
         title=escape(title),
         kicker="truing · identification of a two-wheel robot",
-        lead=escape(_lead(recordings)),
+        lead="<br>".join(map(escape, (_lead(recordings), *identified_lines(result, recordings.name)))),
         facts=_facts(_set_facts(recordings, result)),
         findings=_findings(result),
         results=_overlay_section(laid_over) + _results(result),
@@ -62,7 +63,7 @@ def render_report(recordings: RecordingSet, result: Identification) -> str:
 def _lead(recordings: RecordingSet) -> str:
     total = sum(run.duration_s for run in recordings)
     count = "One run" if len(recordings) == 1 else f"{len(recordings)} runs"
-    return f"{count}, {total:.1f} s in all: gains, time constants, and how well a first-order model follows."
+    return f"{count}, {total:.1f} s in all."
 
 
 def _set_facts(recordings: RecordingSet, result: Identification) -> dict[str, str]:
@@ -128,8 +129,8 @@ def _overlay_section(laid_over: list[Overlay]) -> str:
         for overlay in laid_over
     )
     lead = (
-        "Runs of one kind over each other, as the paper's Figures 3 to 9: speeds over what the largest level "
-        "asks for, dashed the inputs over the largest."
+        "Runs of one kind over each other: speeds over what the largest level asks for, dashed the inputs "
+        "over the largest."
     )
     return f'<h2>Runs laid over each other</h2><p class="lead">{escape(lead)}</p>{places}'
 

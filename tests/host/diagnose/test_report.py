@@ -55,7 +55,7 @@ def test_an_explained_verdict_beside_a_large_error_warns() -> None:
 def test_rivals_are_named_in_the_headline_with_the_run_that_settles_it() -> None:
     diagnosis = diagnoses.ambiguous()
     assert "dry friction or a dead band" in headline(diagnosis)
-    assert "Drive this 5-second run" in said(diagnosis)
+    assert "Drive this 5-second run (--next-run FILE writes it)" in said(diagnosis)
 
 
 def test_effects_that_act_together_are_one_alternative() -> None:

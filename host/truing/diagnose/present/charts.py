@@ -248,11 +248,10 @@ def ranking(diagnosis: Diagnosis) -> Figure | None:
         "x": [round(max(entry.improvement, 0.0), 2) for entry in shown],
         "y": [" + ".join(name.replace("_", " ") for name in entry.names) for entry in shown],
         "marker": {"color": colours},
-        "hovertemplate": "%{x:.1f} nats<extra></extra>",
+        "hovertemplate": "%{x:.1f}<extra></extra>",
     }
     layout = _layout(HEADER_PX + BAR_PX * len(shown), legend=False) | {
-        "xaxis": AXIS
-        | {"title": axis_title("penalised log-likelihood gain over the refitted baseline, nats")},
+        "xaxis": AXIS | {"title": axis_title("penalised gain of log-likelihood over the refitted baseline")},
         "yaxis": AXIS | {"automargin": True, "ticks": ""},
         "annotations": [figure_heading("All fits, the best first", 1.0)],
     }

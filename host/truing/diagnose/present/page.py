@@ -12,12 +12,12 @@ from string import Template
 from truing import __version__
 from truing.diagnose.present import charts as charts
 from truing.diagnose.present.cells import FALSE_DISCOVERY_RATE, Bins, Located, locate
+from truing.diagnose.present.first_screen import NOTHING_TO_DO, first_screen
 from truing.diagnose.present.text import (
     HEADINGS,
     amount,
     capital,
     effect_title,
-    error_lines,
     headline,
     next_lines,
     number_lines,
@@ -39,16 +39,23 @@ from truing.report.run_page import html_table, plotly_script, script_json
 MAX_SPANS = 12
 
 
-def save_report(recordings: RecordingSet, diagnosis: Diagnosis, path: str | Path) -> Path:
-    """Write the page at `path`."""
+def save_report(
+    recordings: RecordingSet, diagnosis: Diagnosis, path: str | Path, *, board: bool | None = None
+) -> Path:
+    """Write the page at `path`; `board`: see `render_report`."""
     path = Path(path)
-    replace_file(path, render_report(recordings, diagnosis).encode("utf-8"))
+    replace_file(path, render_report(recordings, diagnosis, board=board).encode("utf-8"))
     return path
 
 
-def render_report(recordings: RecordingSet, diagnosis: Diagnosis) -> str:
-    """The whole page."""
-    page = _Page(recordings, diagnosis)
+def render_report(recordings: RecordingSet, diagnosis: Diagnosis, *, board: bool | None = None) -> str:
+    """The whole page.
+
+    Parameters
+    ----------
+    board : the user has a board of ours, so that advice about it is of use; None: if it made the runs.
+    """
+    page = _Page(recordings, diagnosis, board)
     sections = (
         page.compared(),
         page.differs(),
@@ -61,7 +68,7 @@ def render_report(recordings: RecordingSet, diagnosis: Diagnosis) -> str:
     return template.substitute(
         title=escape(headline(diagnosis)),
         kicker=f"truing · diagnosis of {escape(diagnosis.name)} · {escape(HEADINGS[diagnosis.verdict])}",
-        lead=" ".join(escape(line) for line in error_lines(diagnosis)),
+        lead="<br>".join(map(escape, first_screen(diagnosis, board=page.board))),
         facts=page.facts(),
         findings="",
         results="".join(sections),
@@ -76,10 +83,11 @@ def render_report(recordings: RecordingSet, diagnosis: Diagnosis) -> str:
 class _Page:
     """Sections of one page, and the figures that they place."""
 
-    def __init__(self, recordings: RecordingSet, diagnosis: Diagnosis) -> None:
+    def __init__(self, recordings: RecordingSet, diagnosis: Diagnosis, board: bool | None) -> None:
         self.recordings = recordings
         self.diagnosis = diagnosis
         self.named = bool(diagnosis.effects)
+        self.board = recordings.is_from_board if board is None else board
         self.figures: dict[str, Figure] = {}
         self.before = locate(diagnosis)
         self.after = locate(diagnosis, after=True) if self.named else Located((), ())
@@ -208,13 +216,13 @@ class _Page:
             parts.append(self._place("ranking", figure, "single"))
         table = PlainTable(
             "All effects tested",
-            ["Effects", "Predicted gain", "Gain, nats", "Parameters", "Note"],
+            ["Effects", "Predicted gain", "Gain of log-likelihood", "Parameters", "Note"],
             [False, True, True, True, False],
         )
         for entry in self.diagnosis.ranking:
             sizes = [f"{x:.1f}" if math.isfinite(x) else "–" for x in (entry.score, entry.improvement)]
             names = " + ".join(effect_title(name) for name in entry.names)
-            table.rows.append([names, *sizes, str(entry.parameters or "–"), entry.note])
+            table.rows.append([names, *sizes, str(entry.parameters or "–"), _plain(entry.note)])
         if table.rows:
             inside = f"<summary>All effects tested</summary>{html_table(table)}"
             parts.append(f"<details>{inside}</details>")
@@ -226,15 +234,13 @@ class _Page:
 
     def to_do(self) -> str:
         diagnosis = self.diagnosis
-        lines = next_lines(diagnosis)
+        lines = next_lines(diagnosis, board=self.board) or [capital(NOTHING_TO_DO)]
         parts = ["<h2>What to do</h2>"]
-        if not lines:
-            lines = ["Nothing. Diagnose again when the robot, its load or its floor changes."]
         items = "".join(f"<li>{_code(line)}</li>" for line in lines)
         parts.append(f'<ol class="steps">{items}</ol>')
         if diagnosis.next_experiment is not None:
             parts.append(self._place("plan", charts.plan_figure(diagnosis.next_experiment.plan), "single"))
-        if diagnosis.compensation is not None and diagnosis.compensation.parameters:
+        if self.board and diagnosis.compensation is not None and diagnosis.compensation.parameters:
             table = PlainTable("Values for the board", ["Parameter", "Value"], [False, True])
             table.rows = [[name, f"{value:.5g}"] for name, value in diagnosis.compensation.parameters.items()]
             table.remarks = [sentence(note) for note in diagnosis.compensation.notes]
@@ -272,6 +278,11 @@ def _of(bins: Sequence[Bins], quantity: str) -> list[Bins]:
 
 def _paragraphs(lines: Sequence[str]) -> str:
     return f'<div class="said">{"".join(f"<p>{escape(line)}</p>" for line in lines)}</div>' if lines else ""
+
+
+def _plain(note: str) -> str:
+    """The note of a ranking; its shares of the noise read as multiples."""
+    return note.replace(" of the noise", " times the noise")
 
 
 def _code(line: str) -> str:

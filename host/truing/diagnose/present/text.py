@@ -44,23 +44,33 @@ def effect_title(name: str) -> str:
     return name.replace("_", " ") if effect is None else effect.title
 
 
-def sections(diagnosis: Diagnosis) -> tuple[Section, ...]:
-    """The whole result as text."""
+def sections(diagnosis: Diagnosis, *, board: bool | None = None) -> tuple[Section, ...]:
+    """The whole result as text, its first three lines in front.
+
+    Parameters
+    ----------
+    board : the user has a board of ours, so that advice about it is of use; None: if it made the runs.
+    """
+    from truing.diagnose.present.first_screen import first_screen
+
+    if board is None:
+        board = diagnosis.recordings is not None and diagnosis.recordings.is_from_board
     found = (
-        Section("Verdict", (headline(diagnosis), *error_lines(diagnosis), *not_detectable_lines(diagnosis))),
+        Section("Verdict", first_screen(diagnosis, board=board)),
+        Section("Error of the simulation", (*error_lines(diagnosis), *not_detectable_lines(diagnosis))),
         Section("What is missing", tuple(effect_lines(diagnosis))),
         Section("Parameters", (*number_lines(diagnosis), *baseline_effect_lines(diagnosis))),
         Section("Where it differs", tuple(place_lines(diagnosis))),
         Section("Recorder", tuple(recorder_lines(diagnosis))),
         Section("Confidence and limitations", tuple(uncertainty_lines(diagnosis))),
-        Section("What to do next", tuple(next_lines(diagnosis))),
+        Section("What to do next", tuple(next_lines(diagnosis, board=board))),
     )
     return tuple(section for section in found if section.lines)
 
 
 def first_sections(diagnosis: Diagnosis) -> tuple[Section, ...]:
     """The verdict, what is missing and what to do next: what a result prints of itself."""
-    shown = ("Verdict", "What is missing", "What to do next")
+    shown = ("Verdict", "Error of the simulation", "What is missing", "What to do next")
     return tuple(section for section in sections(diagnosis) if section.title in shown)
 
 
@@ -313,18 +323,17 @@ def not_detectable_lines(diagnosis: Diagnosis, *, always: bool = False) -> list[
     return [f"These recordings could not have shown: {', '.join(titles)}."]
 
 
-def next_lines(diagnosis: Diagnosis) -> list[str]:
-    """What a user can do now."""
+def next_lines(diagnosis: Diagnosis, *, board: bool) -> list[str]:
+    """What a user can do now; what a board of ours can do only where there is one (`board`)."""
     lines = []
     experiment = diagnosis.next_experiment
     if experiment is not None:
-        lines.append(
-            f"Drive this {experiment.plan.duration_s:.0f}-second run: {sentence(experiment.plan.title)}"
-        )
+        seconds, title = experiment.plan.duration_s, sentence(experiment.plan.title)
+        lines.append(f"Drive this {seconds:.0f}-second run (--next-run FILE writes it): {title}")
         lines.append(sentence(experiment.why))
     if diagnosis.verdict in ("missing_physics", "partly_explained", "parameters_only"):
         lines.append("Write the corrected model with --export, for example --export toml:model.toml.")
-    if diagnosis.compensation is not None and diagnosis.compensation.parameters:
+    if board and diagnosis.compensation is not None and diagnosis.compensation.parameters:
         every = list(diagnosis.compensation.parameters)
         names = ", ".join(every) if len(every) <= 4 else f"{every[0]} and {len(every) - 1} more"
         lines.append(

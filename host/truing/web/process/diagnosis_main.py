@@ -57,13 +57,13 @@ def _diagnose(runs: Path, target: Path, progress: Any) -> None:
     page = {
         "runs": str(runs),
         "heading": HEADINGS[found.verdict],
-        "sections": [[section.title, list(section.lines)] for section in sections(found)],
+        "sections": [[section.title, list(section.lines)] for section in sections(found, board=True)],
         "heat": None if heat is None else dark_theme(heat),
         "has_next": found.next_experiment is not None,
     }
     target.parent.mkdir(parents=True, exist_ok=True)
     (target.parent / "pages").mkdir(exist_ok=True)
-    save_report(recordings, found, target.with_suffix(".html"))
+    save_report(recordings, found, target.with_suffix(".html"), board=True)
     plan = target.with_suffix(".next.toml")
     if found.next_experiment is not None:
         replace_file(plan, found.next_experiment.plan.to_toml().encode("utf-8"))
