@@ -21,7 +21,7 @@ from scipy.optimize import least_squares
 
 from bench.figure import Figure
 from support.synthetic_wheel import Truth, baseline, record, staircase
-from truing.identify.grey_box import fit_structure
+from truing.identify.grey_box import SharedFits, fit_structure
 from truing.identify.model_ladder import fit_models
 from truing.identify.signals import WheelSignal, wheel_signal
 from truing.identify.structures import DELAY
@@ -40,6 +40,14 @@ def measure(root: Path) -> list[Figure]:
     truth = Truth(delay=0.043, disturbance=0.008)
     runs = tuple(record(truth, staircase(k), seed=k, name=f"{k:02d}", fine_s=1e-3) for k in range(12))
     figures = _compare("12 runs x 15 s at 20 Hz", RecordingSet("synthetic", runs, baseline()), 2.0)
+    short = tuple(
+        record(truth, staircase(k, 7.0), seed=k, name=f"{k:02d}", rate_hz=200.0, duration_s=7.0, fine_s=1e-3)
+        for k in range(14)
+    )
+    began = time.perf_counter()
+    fit_models(RecordingSet("more", short, baseline()), richer=True)
+    seconds = time.perf_counter() - began
+    figures.append(Figure("14 runs x 7 s at 200 Hz: fit --more", seconds, "s", "less", 30.0))
     named = os.environ.get("TRUING_RECORDINGS")
     folder = (Path(named) if named else root.parent / "shared" / "recordings") / FRC_SET
     if folder.is_dir():
@@ -58,7 +66,7 @@ def _compare(name: str, recordings: RecordingSet, bar_s: float) -> list[Figure]:
     figures = [Figure(f"{name}: every model, both wheels, runs left out", seconds, "s", "less", bar_s)]
     began = time.perf_counter()
     for signal in signals:
-        fit_structure(signal, DELAY)
+        fit_structure(SharedFits(signal), DELAY)
     seconds = time.perf_counter() - began
     peers: dict[str, Fit] = {"scipy alone": _scipy}
     if importlib.util.find_spec("sysidentpy"):

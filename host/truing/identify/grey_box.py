@@ -82,6 +82,15 @@ class WheelFit:
         parameters, notes = _quantities(self.signal, self.search, True)
         return replace(self, parameters=parameters, notes=tuple(notes))
 
+    def with_runs_left_out(self, shared: SharedFits) -> WheelFit:
+        """The same fit, judged on every run that is left out of it in turn, where there are several."""
+        if self.signal.runs < 2:
+            return self
+        try:
+            return replace(self, held_out=leave_one_run_out(shared, self.structure, self.search))
+        except IdentifyError as error:
+            return replace(self, notes=(*self.notes, _no_run_left_out(error)))
+
     def to_json(self) -> dict[str, Any]:
         """For `--json`."""
         return {
@@ -104,6 +113,7 @@ def fit_wheel(
     hold_out: bool = True,
     intervals: bool = True,
     nested: PhysicsFit | None = None,
+    shared: SharedFits | None = None,
 ) -> WheelFit:
     """Fit one wheel's physics to all runs together, every run with the same weight.
 
@@ -114,33 +124,62 @@ def fit_wheel(
     hold_out : also leave out every run in turn (needs two runs or more).
     intervals : also find the parameters' 95 % intervals.
     nested : the search's end of a simpler structure for the same runs.
+    shared : of the same runs and wheel, where several structures are fitted.
     """
     if isinstance(structure, str):
         structure = structure_named(structure)
-    signal = wheel_signal(runs, side, baseline)
-    fit = fit_structure(signal, structure, nested)
+    shared = shared or SharedFits(wheel_signal(runs, side, baseline))
+    signal = shared.signal
+    fit = fit_structure(shared, structure, nested)
     by_run = signal.rms_by_run(fit.predicted_mps - signal.speed_mps)
-    held_out = None
     parameters, notes = _quantities(signal, fit, intervals)
-    if hold_out and signal.runs > 1:
-        try:
-            held_out = leave_one_run_out(signal, structure, fit)
-        except IdentifyError as error:
-            notes.append(f"no run can be left out: of the others {error.message}")
-    return WheelFit(
+    found = WheelFit(
         side,
         structure,
         fit.physics,
         parameters,
         free_run_error(signal.names, by_run, signal.scale_mps),
-        held_out,
+        None,
         signal,
         fit,
         tuple(notes),
     )
+    return found.with_runs_left_out(shared) if hold_out else found
 
 
-def fit_structure(signal: WheelSignal, structure: Structure, nested: PhysicsFit | None = None) -> PhysicsFit:
+def _no_run_left_out(error: IdentifyError) -> str:
+    return f"no run can be left out: of the others {error.message}"
+
+
+class SharedFits:
+    """What the structures of one wheel's ladder have in common, made once.
+
+    These are the signals with a run left out, and the fit of friction and delay to each of them, from which
+    every richer structure is searched for.
+    """
+
+    def __init__(self, signal: WheelSignal) -> None:
+        self.signal = signal
+        self._without: dict[int, SharedFits] = {}
+        self._fits: dict[tuple[str, ...], PhysicsFit] = {}
+
+    def without(self, run: int) -> SharedFits:
+        """The same for all runs but this one; not kept with many runs, where no fit of it is used twice."""
+        if run in self._without:
+            return self._without[run]
+        made = SharedFits(self.signal.select([k for k in range(self.signal.runs) if k != run]))
+        if self.signal.runs <= MANY_RUNS:
+            self._without[run] = made
+        return made
+
+    def fit(self, structure: Structure) -> PhysicsFit:
+        """A structure's fit from the grid, for friction and delay or less."""
+        if structure.free not in self._fits:
+            self._fits[structure.free] = fit_physics(self.signal, structure)
+        return self._fits[structure.free]
+
+
+def fit_structure(shared: SharedFits, structure: Structure, nested: PhysicsFit | None = None) -> PhysicsFit:
     """Fit a structure; one richer than friction and delay is searched for from that model's fit.
 
     Parameters
@@ -148,20 +187,21 @@ def fit_structure(signal: WheelSignal, structure: Structure, nested: PhysicsFit 
     nested : the fit of a simpler structure to the same rows. It is one more place to start from, so that a
         richer structure never fits worse than one that it contains.
     """
+    signal = shared.signal
     inner = tuple(name for name in DELAY.free if name in structure.free)
     if len(inner) == len(structure.free) or "gain_mps" not in inner:
-        found = fit_physics(signal, structure)
+        found = shared.fit(structure)
     else:
-        found = fit_nested(signal, structure, fit_physics(signal, Structure("inner", inner)))
+        found = fit_nested(signal, structure, shared.fit(Structure("inner", inner)))
     if nested is None or found.minimum.cost <= nested.minimum.cost:
-        return found
+        return replace(found, structure=structure)
     start, initial = nested.physics, nested.initial_mps
     other = fit_physics(signal, structure, start=start, base=start, initial_mps=initial)
     return min(found, other, key=lambda end: end.minimum.cost)
 
 
 def leave_one_run_out(
-    signal: WheelSignal, structure: Structure, whole: PhysicsFit | None = None
+    shared: SharedFits, structure: Structure, whole: PhysicsFit | None = None
 ) -> FreeRunError:
     """Free-run error of every run under the model fitted to the others.
 
@@ -173,16 +213,17 @@ def leave_one_run_out(
         other runs best is taken, so that the left-out run decides nothing. With more than six runs
         it is the only start: one run among many does not decide which valley the minimum lies in.
     """
+    signal = shared.signal
     if signal.runs < 2:
         raise IdentifyError("leaving one run out needs two runs or more")
     by_run = np.zeros(signal.runs)
     for index in range(signal.runs):
-        others = signal.select([k for k in range(signal.runs) if k != index])
+        others = shared.without(index)
         ends: list[PhysicsFit] = []
         if whole is None or signal.runs <= MANY_RUNS:
             ends.append(fit_structure(others, structure))
         if whole is not None:
-            ends.append(fit_physics(others, structure, start=whole.physics, base=whole.physics))
+            ends.append(fit_physics(others.signal, structure, start=whole.physics, base=whole.physics))
         fit = min(ends, key=lambda end: end.minimum.cost)
         left_out = signal.select([index])
         predicted = simulate_signal(fit.physics, left_out)

@@ -14,8 +14,8 @@ from truing.identify.arx import ArxFit, fit_arx_signal
 from truing.identify.data_checks import refuse_absurd
 from truing.identify.effort_checks import refuse_efforts
 from truing.identify.effort_row import effort_row
-from truing.identify.grey_box import WheelFit, fit_wheel
-from truing.identify.held_out import simplest_good
+from truing.identify.grey_box import SharedFits, WheelFit, fit_wheel
+from truing.identify.held_out import PARSIMONY, simplest_good
 from truing.identify.identifiable import STEPS_ADVICE, TIME_CONSTANT, at_a_bound
 from truing.identify.output_error import PhysicsFit
 from truing.identify.signals import wheel_signal
@@ -149,15 +149,15 @@ def fit_models(
     refuse_absurd(recordings)
     refuse_efforts(recordings)
     names = BASIC + (RICHER if richer else ())
-    done = 0
+    done = dict.fromkeys(WHEELS, 0.0)
 
     def wheel_models(wheel: Wheel) -> WheelModels:
-        nonlocal done
-        models = _fit_wheel_models(recordings, wheel, names)
-        done += 1
-        if progress is not None:
-            progress(done / len(WHEELS))
-        return models
+        def tell(share: float) -> None:
+            done[wheel] = share
+            if progress is not None:
+                progress(sum(done.values()) / len(done))
+
+        return _fit_wheel_models(recordings, wheel, names, tell)
 
     wheels: list[WheelModels] = []
     refused: dict[Wheel, str] = {}
@@ -179,23 +179,24 @@ def fit_models(
     return SetModels(recordings.name, tuple(wheels), refused, robot, rate, notes)
 
 
-def _fit_wheel_models(recordings: RecordingSet, wheel: Wheel, names: tuple[str, ...]) -> WheelModels:
+def _fit_wheel_models(
+    recordings: RecordingSet, wheel: Wheel, names: tuple[str, ...], progress: Progress
+) -> WheelModels:
     runs, robot = recordings.runs, recordings.robot
     signal = wheel_signal(runs, wheel, robot)
+    shared = SharedFits(signal)
+    visible = [STRUCTURES[name] for name in names if _is_visible(STRUCTURES[name], signal.has_supply)]
     steps: list[WheelFit] = []
-    for structure in (STRUCTURES[name] for name in names):
-        if _is_visible(structure, signal.has_supply):
-            nested = _richest_within(steps, structure)
-            steps.append(fit_wheel(runs, wheel, structure, robot, intervals=False, nested=nested))
-    # A time constant at the end of what is searched is no estimate, however well it fits.
-    sound = [step for step in steps if at_a_bound(step.search) is None] or steps
-    if all(step.held_out is not None for step in steps):
-        scores = [
-            (step.held_out.rms_mps, len(step.structure.free)) for step in sound if step.held_out is not None
-        ]
-        chosen = sound[simplest_good(scores)]
-    else:
-        chosen = next(step for step in steps if step.structure is DELAY)
+    for number, structure in enumerate(visible):
+        steps.append(
+            fit_wheel(
+                runs, wheel, structure, robot, intervals=False, shared=shared,
+                hold_out=structure.name in BASIC, nested=_richest_within(steps, structure),
+            )
+        )  # fmt: skip
+        progress(0.7 * (number + 1) / len(visible))
+    chosen = _choose(steps, shared)
+    progress(0.85)
     missing: list[str] = []
     plain = next(step for step in steps if step.structure is DELAY)
     alone = _irreplaceable_run(plain)
@@ -217,7 +218,46 @@ def _fit_wheel_models(recordings: RecordingSet, wheel: Wheel, names: tuple[str, 
         state_space = fit_state_space_signal(signal, wheel)
     except IdentifyError as error:
         missing.append(f"state space: {error.message}")
+    progress(1.0)
     return WheelModels(wheel, tuple(steps), chosen, arx, state_space, tuple(missing))
+
+
+def _choose(steps: list[WheelFit], shared: SharedFits) -> WheelFit:
+    """The simplest step within 2 % of the lowest error on runs left out; judges those that this may concern.
+
+    A run that is left out is never simulated better than when it is fitted, so that the error on the
+    fitted runs bounds the other one from below. Richer structures whose bound already rules them out, both
+    as the choice and as what rules the choice out, are not judged; `steps` gets those that are.
+    """
+    plain = next(step for step in steps if step.structure is DELAY)
+    if plain.held_out is None:
+        return plain
+    while True:
+        # A time constant at the end of what is searched is no estimate, however well it fits.
+        sound = [step for step in steps if at_a_bound(step.search) is None] or steps
+        judged = [(step, step.held_out.rms_mps) for step in sound if step.held_out is not None]
+        waiting = [step for step in sound if step.held_out is None]
+        if judged:
+            scores = [(error, len(step.structure.free)) for step, error in judged]
+            chosen, error = judged[simplest_good(scores)]
+            best = min(score for score, _ in scores)
+            waiting = [step for step in waiting if _may_change(step, chosen, error, best)]
+            if not waiting:
+                return chosen
+        step = min(waiting, key=lambda one: (len(one.structure.free), one.free_run.rms_mps))
+        new = step.with_runs_left_out(shared)
+        if new.held_out is None:
+            return plain
+        steps[steps.index(step)] = new
+
+
+def _may_change(step: WheelFit, chosen: WheelFit, error_mps: float, best_mps: float) -> bool:
+    """Whether a step that was not judged may be the choice, or put the choice (of this error) out of it."""
+    bound = step.free_run.rms_mps
+    if PARSIMONY * bound < error_mps:
+        return True
+    simpler = (len(step.structure.free), bound) < (len(chosen.structure.free), error_mps)
+    return simpler and bound <= PARSIMONY * best_mps
 
 
 def _richest_within(steps: Sequence[WheelFit], structure: Structure) -> PhysicsFit | None:

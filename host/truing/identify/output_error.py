@@ -17,6 +17,7 @@ from truing.model.wheel import PHYSICS_FIELDS, WheelPhysics, simulate_physics
 _POSITION = {name: position for position, name in enumerate(PHYSICS_FIELDS)}
 _KEPT_STARTS = 3
 _SCOUT_ITERATIONS = 12
+_ITERATIONS = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +106,7 @@ def fit_physics(
     base: WheelPhysics | None = None,
     start: WheelPhysics | None = None,
     initial_mps: FloatArray | None = None,
-    iterations: int = 60,
+    iterations: int = _ITERATIONS,
 ) -> PhysicsFit:
     """Fit the free parameters and each segment's initial speed; every run counts the same.
 
@@ -158,12 +159,18 @@ def fit_nested(signal: WheelSignal, structure: Structure, inner: PhysicsFit) -> 
         FREEDOMS[name].starts[1:4:2] if name == "breakaway_excess" and fades else FREEDOMS[name].starts
         for name in new
     ]
-    for values in itertools.product(*starts):
+    choices = list(itertools.product(*starts))
+    for values in choices:
         begin = replace(inner.physics, **dict(zip(new, values, strict=True)))
-        fit = fit_physics(signal, structure, start=begin, base=inner.physics)
+        # Of several starts only the most promising is followed to its end.
+        iterations = _SCOUT_ITERATIONS if len(choices) > 1 else _ITERATIONS
+        fit = fit_physics(signal, structure, start=begin, base=inner.physics, iterations=iterations)
         if best is None or fit.minimum.cost < best.minimum.cost:
             best = fit
     assert best is not None
+    if not best.minimum.converged and len(choices) > 1:
+        start, initial = best.physics, best.initial_mps
+        best = fit_physics(signal, structure, start=start, base=inner.physics, initial_mps=initial)
     if "breakaway_excess" in new and not fades:
         best = _scan_breakaway(signal, structure, best)
     return best

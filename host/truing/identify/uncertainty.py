@@ -25,6 +25,8 @@ LONGEST_MEMORY = 6
 BLOCKS_PER_COEFFICIENT = 8
 # Repetitions on made-up noise, and the seed that makes them the same every time.
 REPETITIONS = 200
+# So many of them are held at once, which bounds the memory.
+AT_ONCE = 25
 SEED = 20_08
 CONFIDENCE = 0.95
 # Noise whose memory does not end within a run cannot be distinguished from an offset.
@@ -121,12 +123,23 @@ def _refit(
     runs: list[_RunBlocks], noise: NoiseModel, inverse: FloatArray, rng: np.random.Generator
 ) -> tuple[NoiseModel, FloatArray]:
     """Noise models found behind fits to made-up noise, and the errors that the noise caused, shape (k, p)."""
+    made = [_refit_some(runs, noise, inverse, rng) for _ in range(REPETITIONS // AT_ONCE)]
+    found = NoiseModel(
+        np.concatenate([model.filters for model, _ in made]),
+        np.concatenate([model.innovations for model, _ in made]),
+    )
+    return found, np.concatenate([errors for _, errors in made])
+
+
+def _refit_some(
+    runs: list[_RunBlocks], noise: NoiseModel, inverse: FloatArray, rng: np.random.Generator
+) -> tuple[NoiseModel, FloatArray]:
     noises = []
-    errors = np.zeros((REPETITIONS, inverse.shape[0]))
+    errors = np.zeros((AT_ONCE, inverse.shape[0]))
     for run, variance in zip(runs, noise.innovations[0], strict=True):
         m = len(run.slope)
         # A run-in of its own length lets the noise forget that it began at zero.
-        shocks = rng.normal(0.0, np.sqrt(variance), (2 * m, REPETITIONS))
+        shocks = rng.normal(0.0, np.sqrt(variance), (2 * m, AT_ONCE))
         noises.append(_unwhiten(noise.filters[0], shocks)[m:].T)
         errors += noises[-1] @ run.gradient @ inverse
     rest = [values - errors @ run.slope.T for run, values in zip(runs, noises, strict=True)]

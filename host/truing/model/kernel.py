@@ -188,8 +188,14 @@ def _advance(p: FloatArray, state: Any, drive: float, h_total: float, max_step: 
         v = state.speed
         s = math.copysign(1.0, v) if v != 0.0 else (1.0 if now >= 0.0 else -1.0)
         rate, level = _motion(p, v, s, now, speed_dependent)
-        h = _until_stop(v, s, rate, level, h)
-        _take_over(p, state, s, rate, level, h)
+        # One exponential is enough for a piece: exp(-rate h) is 1 - rate decay.
+        decay = decay_integral(rate, h)
+        v_end = v + (level - rate * v) * decay
+        if v != 0.0 and v_end * s <= 0.0:
+            h = _until_stop(v, rate, level, h)
+            decay = decay_integral(rate, h)
+            v_end = v + (level - rate * v) * decay
+        _take_over(p, state, s, rate, level, h, decay, v_end)
         if lag > 0.0:
             state.drive = drive + (state.drive - drive) * math.exp(-h / lag)
         left -= h
@@ -207,7 +213,9 @@ def _motion(p: FloatArray, v: float, s: float, drive: float, speed_dependent: bo
     if speed_dependent:
         speed = abs(v)
         if p[STRIBECK_MPS] > 0.0 and excess != 0.0:
-            z = (speed / p[STRIBECK_MPS]) ** p[STRIBECK_SHAPE]
+            z = speed / p[STRIBECK_MPS]
+            if p[STRIBECK_SHAPE] != 1.0:
+                z = z ** p[STRIBECK_SHAPE]
             part = excess * math.exp(-z)
             friction += part
             if speed > 0.0:
@@ -220,10 +228,8 @@ def _motion(p: FloatArray, v: float, s: float, drive: float, speed_dependent: bo
 
 
 @part
-def _until_stop(v: float, s: float, rate: float, level: float, h: float) -> float:
-    """When the wheel stops, s, at most `h`: a piece ends there."""
-    if v == 0.0 or (v * math.exp(-rate * h) + level * decay_integral(rate, h)) * s > 0.0:
-        return h
+def _until_stop(v: float, rate: float, level: float, h: float) -> float:
+    """When a wheel that would turn round within `h` stops, s: a piece ends there."""
     if abs(rate * v) < 1e-9 * abs(level):
         stop = -v / level
     else:
@@ -232,11 +238,11 @@ def _until_stop(v: float, s: float, rate: float, level: float, h: float) -> floa
 
 
 @part
-def _take_over(p: FloatArray, state: Any, s: float, rate: float, level: float, h: float) -> None:
-    """Speed, travel and filtered speed after `h`."""
+def _take_over(
+    p: FloatArray, state: Any, s: float, rate: float, level: float, h: float, decay: float, v_end: float
+) -> None:
+    """Take over speed, travel and filtered speed after `h`, with `decay` its integral."""
     v = state.speed
-    decay = decay_integral(rate, h)
-    v_end = v * math.exp(-rate * h) + level * decay
     stopped = v != 0.0 and v_end * s <= 1e-15
     if abs(rate * h) < 1e-6:
         state.travel += v * h + (level - rate * v) * 0.5 * h * h
@@ -244,13 +250,15 @@ def _take_over(p: FloatArray, state: Any, s: float, rate: float, level: float, h
         state.travel += level / rate * h + (v - level / rate) * decay
     state.speed = 0.0 if stopped else v_end
     if p[RECORDER_LAG_S] > 0.0:
-        state.filtered = _filtered(state.filtered, p[RECORDER_LAG_S], v, rate, level, h)
+        state.filtered = _filtered(state.filtered, p[RECORDER_LAG_S], v, rate, level, h, decay)
     else:
         state.filtered = state.speed
 
 
 @part
-def _filtered(y: float, filter_s: float, v: float, rate: float, level: float, h: float) -> float:
+def _filtered(
+    y: float, filter_s: float, v: float, rate: float, level: float, h: float, decay: float
+) -> float:
     """Solve dy/dt = (v - y) / filter_s, with v a constant and a decaying part."""
     fast = 1.0 / filter_s
     fall = math.exp(-fast * h)
@@ -262,7 +270,7 @@ def _filtered(y: float, filter_s: float, v: float, rate: float, level: float, h:
     if abs(difference * h) < 1e-7:
         mixed = fast * h * fall
     else:
-        mixed = fast * (math.exp(-rate * h) - fall) / difference
+        mixed = fast * (1.0 - rate * decay - fall) / difference
     return y * fall + steady * (1.0 - fall) + (v - steady) * mixed
 
 
