@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,9 @@ from truing.report.run_view import COLOURS, NEUTRAL, REFERENCE, PathView, RunVie
 
 # More points than a screen has columns only make the page heavy.
 MAX_POINTS = 4000
+# Points of all lines of a page together, about 14 bytes each, and what every line may keep.
+PAGE_POINTS = 60_000
+MIN_POINTS = 100
 # What survives in the page: no sensor here has more.
 SIGNIFICANT_DIGITS = 6
 
@@ -188,17 +192,17 @@ def _track(x: FloatArray, y: FloatArray, name: str, line: dict[str, Any]) -> dic
     }
 
 
-def thin(values: FloatArray) -> NDArray[np.intp]:
-    """Rows to draw, at most about MAX_POINTS: lowest and highest of each bucket, so that no peak is lost.
+def thin(values: FloatArray, most: int = MAX_POINTS) -> NDArray[np.intp]:
+    """Rows to draw, at most about `most`: lowest and highest of each bucket, so that no peak is lost.
 
     Parameters
     ----------
     values : shape (n,); NaN, which breaks a line, is kept.
     """
     n = len(values)
-    if n <= MAX_POINTS:
+    if n <= most:
         return np.arange(n)
-    size = -(-2 * n // MAX_POINTS)
+    size = -(-2 * n // most)
     buckets = n // size
     body = np.nan_to_num(values[: buckets * size]).reshape(buckets, size)
     base = size * np.arange(buckets)
@@ -206,6 +210,40 @@ def thin(values: FloatArray) -> NDArray[np.intp]:
     ends = np.array([0, n - 1])
     rows = np.concatenate((base + body.argmin(axis=1), base + body.argmax(axis=1), gaps, ends))
     return np.unique(rows)
+
+
+def slimmed(figures: Mapping[str, Figure], most: int = PAGE_POINTS) -> dict[str, Figure]:
+    """The figures of a page with at most about `most` points in all; lines lose points, never peaks.
+
+    Short lines keep all of theirs; the long ones share what is left.
+    """
+    counts = sorted(
+        len(trace["x"]) for figure in figures.values() for trace in figure["data"] if _is_curve(trace)
+    )
+    left, cap = most, 0
+    for number, count in enumerate(counts):
+        cap = max(left // (len(counts) - number), MIN_POINTS)
+        if count > cap:
+            break
+        left -= count
+    else:
+        return dict(figures)
+    return {
+        name: figure | {"data": [_shortened(trace, cap) for trace in figure["data"]]}
+        for name, figure in figures.items()
+    }
+
+
+def _is_curve(trace: dict[str, Any]) -> bool:
+    return trace["type"] == "scatter" and trace.get("mode") == "lines" and "fill" not in trace
+
+
+def _shortened(trace: dict[str, Any], most: int) -> dict[str, Any]:
+    if not _is_curve(trace) or len(trace["x"]) <= most:
+        return trace
+    values = np.array([np.nan if value is None else value for value in trace["y"]], dtype=np.float64)
+    kept = thin(values, most)
+    return trace | {name: [trace[name][k] for k in kept] for name in ("x", "y")}
 
 
 def figure_numbers(times: FloatArray, values: FloatArray) -> tuple[list[float | None], list[float | None]]:

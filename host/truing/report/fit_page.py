@@ -20,7 +20,7 @@ from truing.recording.run import RecordingSet, Run, Wheel
 from truing.recording.writer import replace_file
 from truing.report.figures import Figure, figure_numbers, speeds_layout
 from truing.report.png import save_table
-from truing.report.run_page import html_table, plotly_script, script_json
+from truing.report.run_page import figures_json, html_table, plot_script
 from truing.report.run_view import COLOURS
 
 
@@ -98,6 +98,6 @@ def _page(recordings: RecordingSet, models: SetModels, figures: dict[str, Figure
         results="<h2>Models</h2>" + "".join(html_table(table) for table in model_tables(models)),
         runs=f"<h2>The chosen models against the runs</h2>{places}",
         footer=f"Written by truing {escape(__version__)}.",
-        plotly=plotly_script(),
-        figures=script_json(figures),
+        plots=plot_script(),
+        figures=figures_json(figures),
     )

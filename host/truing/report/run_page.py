@@ -18,7 +18,7 @@ from truing.identify.summary import identified_lines
 from truing.identify.tables import PlainTable, fits_csv, result_tables, steps_csv, unstepped
 from truing.recording.run import RecordingSet, Run, RunMetadata
 from truing.recording.writer import replace_file
-from truing.report.figures import run_figures
+from truing.report.figures import Figure, run_figures, slimmed
 from truing.report.overlays import Overlay, overlay_figure, overlays
 from truing.report.run_view import RunView, view_run
 
@@ -55,8 +55,8 @@ def render_report(recordings: RecordingSet, result: Identification) -> str:
         ),
         footer=f"Written by truing {escape(__version__)}. "
         "Speeds are means over each sampling interval, drawn at its middle.",
-        plotly=plotly_script(),
-        figures=script_json(figures),
+        plots=plot_script(),
+        figures=figures_json(figures),
     )
 
 
@@ -231,9 +231,14 @@ def _text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def plotly_script() -> str:
-    """The plotting library itself, so that a page needs no network."""
-    return resources.files("plotly").joinpath("package_data/plotly.min.js").read_text("utf-8")
+def plot_script() -> str:
+    """What draws the figures, so that a page needs no network."""
+    return resources.files("truing").joinpath("report/plots.js").read_text("utf-8")
+
+
+def figures_json(figures: Mapping[str, Figure]) -> str:
+    """The figures of a page for its script, with no more points than the page may have in all."""
+    return script_json(slimmed(figures))
 
 
 def script_json(value: Any) -> str:

@@ -34,7 +34,7 @@ from truing.identify.tables import PlainTable
 from truing.recording.run import RecordingSet
 from truing.recording.writer import replace_file
 from truing.report.figures import Figure
-from truing.report.run_page import html_table, plotly_script, script_json
+from truing.report.run_page import figures_json, html_table, plot_script
 
 MAX_SPANS = 12
 
@@ -75,8 +75,8 @@ def render_report(recordings: RecordingSet, diagnosis: Diagnosis, *, board: bool
         runs=page.runs(),
         footer=f"Written by truing {escape(__version__)}{seconds}. Every error is of free-run simulation: "
         "the model sees the efforts and never the measured speeds. Speeds are means over each interval.",
-        plotly=plotly_script(),
-        figures=script_json(page.figures),
+        plots=plot_script(),
+        figures=figures_json(page.figures),
     )
 
 
