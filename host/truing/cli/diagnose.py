@@ -12,9 +12,11 @@ from typing import TYPE_CHECKING
 import click
 
 from truing.cli.app import App, pass_app
+from truing.cli.options import axis_option
 
 if TYPE_CHECKING:
     from truing.diagnose.present.text import Section
+    from truing.recording.axis import Motion
     from truing.recording.run import Wheel
 
 
@@ -75,6 +77,7 @@ if TYPE_CHECKING:
     "baseline's place, and its error is ruled out.",
 )
 @click.option("--wheels-only", is_flag=True, help="Ignore the external pose (truth_*).")
+@axis_option
 @click.option("--jobs", type=click.IntRange(min=1), help="Threads.  [default: one for each processor]")
 @pass_app
 def command(
@@ -92,6 +95,7 @@ def command(
     accept: str | None,
     measured: tuple[str, ...],
     wheels_only: bool,
+    axis: Motion | None,
     jobs: int | None,
 ) -> None:
     """Say where the simulation of BASELINE.TOML differs from RUNS, which physics it leaves out, and with what
@@ -120,6 +124,7 @@ def command(
         from truing.diagnose.present.exports import parse_exports, write_exports
         from truing.diagnose.present.text import sections
         from truing.diagnose.simulation.warm import compile_once
+        from truing.recording.geometry import with_axis
         from truing.recording.writer import check_output, replace_file
 
         wanted = parse_exports(exports)
@@ -127,7 +132,10 @@ def command(
             if path is not None:
                 check_output(path)
         known = parse_measured(measured)
-        recordings = with_measured(read_input(runs, model), known)
+        recordings = with_measured(with_axis(read_input(runs, model), axis), known)
+        if recordings.axis is not None:
+            # Both sides hold the axis' numbers: one of them is judged, and pose and turns mean nothing.
+            wheel, wheels_only = "left", True
         if commanded and (wheels_only or wheel is not None or sim_runs is not None):
             raise click.UsageError("--commanded goes without --wheel, --wheels-only and --sim-runs")
         accepted = () if accept is None else tuple(name.strip() for name in accept.split("+"))
@@ -136,7 +144,7 @@ def command(
         with app.progress("diagnosing") as progress:
             diagnosis = diagnose(recordings, options, progress)
         board = recordings.is_from_board or not app.is_virtual
-        say_sections(app, sections(diagnosis, board=board))
+        say_sections(app, sections(diagnosis, board=board, axis=recordings.axis))
         if json_path is not None:
             text = json.dumps(diagnosis.to_json(), indent=2, allow_nan=False) + "\n"
             replace_file(json_path, text.encode("utf-8"))
@@ -147,7 +155,8 @@ def command(
             save_report(recordings, diagnosis, report_path, board=board)
             app.say(f"written: {report_path}")
         for line in write_exports(wanted, recordings, diagnosis, wheel) if wanted else []:
-            app.say(line)
+            has_path = line.startswith("written")
+            app.say(line if recordings.axis is None or has_path else recordings.axis.text(line))
         if next_run is not None and diagnosis.next_experiment is not None:
             replace_file(next_run, diagnosis.next_experiment.plan.to_toml().encode("utf-8"))
             app.say(f"written: {next_run}")

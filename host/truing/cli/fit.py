@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import click
 
 from truing.cli.app import App
-from truing.cli.options import geometry_options, json_option
+from truing.cli.options import axis_option, geometry_options, json_option
 
 if TYPE_CHECKING:
+    from truing.recording.axis import Motion
     from truing.recording.baseline import RobotGeometry
 
 
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     "--report", metavar="DIR", type=click.Path(file_okay=False, path_type=Path),
     help="Write report.html (interactive), fit.json, and every table as CSV and PNG.",
 )  # fmt: skip
+@axis_option
 @geometry_options
 @json_option
 def command(
@@ -43,6 +45,7 @@ def command(
     more: bool,
     out: Path | None,
     report: Path | None,
+    axis: Motion | None,
     geometry: RobotGeometry,
 ) -> None:
     """Fit models to RUNS: a recording set, a folder of CSV files, one CSV file, or a file
@@ -56,6 +59,7 @@ def command(
     Examples:
       truing fit my_robot
       truing fit run.csv --counts-per-rev 2400 --wheel-radius 0.035
+      truing fit motor.csv --axis rotation
       truing fit my_robot --more --out out/my_robot/model.toml
       truing fit my_robot --report out/my_robot/fit
     """
@@ -66,12 +70,13 @@ def command(
     from truing.identify.model_tables import model_tables
     from truing.identify.summary import fitted_lines
     from truing.importers import read_runs
+    from truing.recording.geometry import with_axis
     from truing.recording.writer import check_output
 
     for path, folder in ((out, False), (report, True)):
         if path is not None:
             check_output(path, folder=folder)
-    recordings = read_runs(runs, model, geometry=geometry)
+    recordings = with_axis(read_runs(runs, model, geometry=geometry), axis)
     with app.progress("fitting") as progress:
         models = fit_models(recordings, richer=more, progress=progress)
     app.emit(models.to_json())

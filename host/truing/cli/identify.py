@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import click
 
 from truing.cli.app import App
-from truing.cli.options import geometry_options, json_option
+from truing.cli.options import axis_option, geometry_options, json_option
 
 if TYPE_CHECKING:
     from truing.identify.identification import Identification
+    from truing.recording.axis import Motion
     from truing.recording.baseline import RobotGeometry
 
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     help="Write gains, time constants and geometry as a baseline.toml.",
 )  # fmt: skip
 @click.option("--shapes", is_flag=True, help="Also print dead time, overshoot and ripple of every step.")
+@axis_option
 @geometry_options
 @json_option
 def command(
@@ -42,6 +44,7 @@ def command(
     out: Path | None,
     write_baseline: Path | None,
     shapes: bool,
+    axis: Motion | None,
     geometry: RobotGeometry,
 ) -> None:
     """Print gain and time constants of RUNS: a recording set, a folder of CSV files, one CSV file,
@@ -57,16 +60,18 @@ def command(
       truing identify run.csv --counts-per-rev 2400 --wheel-radius 0.035 --write-baseline baseline.toml
       truing identify my_robot/runs/01_step.csv --json
       truing identify sysid_data.json
+      truing identify arm.json --axis rotation
     """
     from truing.identify.identification import identify_set
     from truing.importers import read_runs
+    from truing.recording.geometry import with_axis
     from truing.recording.writer import check_output
 
     if out is not None:
         check_output(out, folder=True)
     if write_baseline is not None:
         check_output(write_baseline)
-    recordings = read_runs(runs, model, geometry=geometry)
+    recordings = with_axis(read_runs(runs, model, geometry=geometry), axis)
     with app.progress("identifying") as progress:
         result = identify_set(recordings, progress)
     app.emit(result.to_json())
@@ -90,15 +95,14 @@ def show(app: App, result: Identification, runs: str = "RUNS", *, shapes: bool =
     runs : the path that the user gave.
     shapes : also the table of dead times, overshoots and ripple.
     """
-    from truing.identify.data_checks import summarise
     from truing.identify.summary import identified_lines
-    from truing.identify.tables import result_tables, unstepped
+    from truing.identify.tables import finding_lines, result_tables, unstepped
 
     for line in identified_lines(result, runs):
         app.say(line)
     app.say()
-    for line in summarise(result.findings):
-        app.say(f"! {line}")
+    for line in finding_lines(result):
+        app.say(line)
     for table in result_tables(result, shapes=shapes):
         app.show(table.to_rich())
     for line in unstepped(result):

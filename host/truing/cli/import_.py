@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import click
 
 from truing.cli.app import App
-from truing.cli.options import json_option
+from truing.cli.options import axis_option, json_option
 
 if TYPE_CHECKING:
     from truing.importers import Imported
+    from truing.recording.axis import Motion
 
 POSITIVE = click.FloatRange(min=0.0, min_open=True)
 
@@ -45,6 +46,7 @@ POSITIVE = click.FloatRange(min=0.0, min_open=True)
 @click.option(
     "--full-speed", type=POSITIVE, help="Wheel speed (m/s) of full effort, where speeds are commanded."
 )
+@axis_option
 @json_option
 def command(
     app: App,
@@ -55,6 +57,7 @@ def command(
     nominal_voltage: float,
     wheelbase: float | None,
     full_speed: float | None,
+    axis: Motion | None,
 ) -> None:
     """Turn recordings of other programs into a set of runs, and say what looks wrong with them.
 
@@ -89,7 +92,7 @@ def command(
     imported = []
     with app.progress("importing") as progress:
         for number, file in enumerate(files, start=1):
-            imported.append(import_file(file, options))
+            imported.append(import_file(file, options).of_axis(axis))
             progress(number / len(files))
     written = []
     for item in imported:

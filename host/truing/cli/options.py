@@ -50,6 +50,13 @@ def geometry_options(function: Command) -> Command:
     return wrapper  # type: ignore[return-value]
 
 
+axis_option = click.option(
+    "--axis",
+    type=click.Choice(["rotation", "translation"]),
+    help="The recordings are of one motor or axis: its numbers are in rad or m, and one side is computed.",
+)
+
+
 def virtual_options(function: Command) -> Command:
     """`--seed`, `--robot`, `--image`: which virtual board."""
     options = (

@@ -14,6 +14,8 @@ from truing.recording.run import MOTION_PAIRS, WHEELS, Geometry, RecordingSet, R
 # Beyond these it is not a robot: volts, microseconds or a damaged file.
 LARGEST_EFFORT = 1000.0
 LARGEST_SPEED_MPS = 1000.0
+# Of a single axis, rad/s or m/s: ultracentrifuges turn slower.
+LARGEST_AXIS_SPEED = 1e5
 # Wheels under the same effort should turn alike; a slower one below this share is worth a word.
 ALIKE_SHARE = 0.8
 # Wheels that were driven apart are compared again after this long under the same effort, s.
@@ -48,11 +50,12 @@ class Finding:
 def refuse_absurd(recordings: RecordingSet) -> None:
     """Stop at numbers that no wheeled robot makes; arithmetic on them would only hide where they are."""
     for run in recordings:
-        for wheel in WHEELS:
+        for wheel in recordings.wheels:
             effort, speed = run.effort(wheel), run.speed(wheel, recordings.robot)
             _refuse_beyond(run, wheel, f"effort_{wheel}", effort, LARGEST_EFFORT, "")
             column = f"speed from {MOTION_PAIRS[speed.source][WHEELS.index(wheel)]}"
-            _refuse_beyond(run, wheel, column, speed.values, LARGEST_SPEED_MPS, " m/s")
+            largest = LARGEST_SPEED_MPS if run.axis is None else LARGEST_AXIS_SPEED
+            _refuse_beyond(run, wheel, column, speed.values, largest, " m/s" if run.axis is None else "")
 
 
 def _refuse_beyond(run: Run, wheel: Wheel, column: str, values: FloatArray, limit: float, unit: str) -> None:
@@ -72,11 +75,12 @@ def check_set(recordings: RecordingSet) -> tuple[Finding, ...]:
     for run in recordings:
         found.extend(Finding(run.name, text) for text in run.warnings)
         found.extend(_check_time(run))
-        for wheel in WHEELS:
+        for wheel in recordings.wheels:
             found.extend(_check_effort(run, wheel))
             found.extend(_check_motion(run, wheel, recordings.robot))
             found.extend(_check_position(run, wheel))
-        found.extend(_check_sides(run, recordings.robot))
+        if run.axis is None:
+            found.extend(_check_sides(run, recordings.robot))
     return tuple(found)
 
 

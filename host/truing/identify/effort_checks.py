@@ -8,7 +8,7 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.errors import RecordingError
-from truing.recording.run import WHEELS, Geometry, RecordingSet, Run, Wheel
+from truing.recording.run import Geometry, RecordingSet, Run, Wheel
 
 # A fraction of supply may overshoot 1 by rounding; volts and per cent do not stop there.
 MAX_EFFORT = 1.05
@@ -29,7 +29,7 @@ def refuse_efforts(recordings: RecordingSet) -> None:
     RecordingError : names the file, the column and the row, and says how to scale.
     """
     for run in recordings:
-        for wheel in WHEELS:
+        for wheel in recordings.wheels:
             check_effort(run, wheel, recordings.robot)
 
 

@@ -22,7 +22,7 @@ from truing.identify.output_error import PhysicsFit, fit_physics
 from truing.identify.signals import WheelSignal, wheel_signal
 from truing.identify.structures import DELAY
 from truing.recording.effort_convention import SETTING
-from truing.recording.run import WHEELS, Geometry, RecordingSet, Run, Wheel
+from truing.recording.run import Geometry, RecordingSet, Run, Wheel
 
 # Rows that are looked at: an offset shows in a few steps.
 MAX_ROWS = 3000
@@ -160,7 +160,7 @@ def _most_moved_first(recordings: RecordingSet) -> list[Wheel]:
     def moved(wheel: Wheel) -> float:
         return max(_travelled(run, wheel, recordings.robot) for run in recordings)
 
-    return sorted(WHEELS, key=moved, reverse=True)
+    return sorted(recordings.wheels, key=moved, reverse=True)
 
 
 def _travelled(run: Run, wheel: Wheel, baseline: Geometry | None) -> float:

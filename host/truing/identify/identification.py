@@ -17,6 +17,7 @@ from truing.identify.step_metrics import StepMetrics, step_metrics
 from truing.model.robot_model import RobotModel
 from truing.model.wheel import WheelPhysics
 from truing.progress import Progress, ignore_progress
+from truing.recording.axis import Axis
 from truing.recording.baseline import RobotGeometry
 from truing.recording.frames import preformatted
 from truing.recording.run import WHEELS, Geometry, RecordingSet, Run, SpeedSource, Wheel
@@ -81,6 +82,7 @@ class Identification:
     findings: tuple[Finding, ...]
     robot: RobotGeometry = field(default_factory=RobotGeometry)
     rate_hz: float | None = None
+    axis: Axis | None = None
 
     def __str__(self) -> str:
         from truing.identify.tables import result_text
@@ -106,7 +108,7 @@ class Identification:
         IdentifyError
             The runs do not show a wheel's gain or time constant; says which and why.
         """
-        left, right = (self._wheel(wheel) for wheel in WHEELS)
+        left, right = (self._wheel("left" if self.axis else wheel) for wheel in WHEELS)
         return RobotModel(left, right, self.robot, self.rate_hz, {"recordings": self.name})
 
     def _wheel(self, wheel: Wheel) -> WheelPhysics:
@@ -158,7 +160,7 @@ def identify_set(recordings: RecordingSet, progress: Progress = ignore_progress)
     refuse_efforts(recordings)
     runs = []
     for number, run in enumerate(recordings, start=1):
-        runs.append(_identify_run(run, recordings.robot))
+        runs.append(_identify_run(run, recordings.robot, recordings.wheels))
         progress(0.3 * number / len(recordings))
     jobs = _fit_jobs(recordings, runs)
     fits = []
@@ -178,6 +180,7 @@ def identify_set(recordings: RecordingSet, progress: Progress = ignore_progress)
         findings,
         recordings.robot or RobotGeometry(),
         float(np.median([run.rate_hz for run in recordings])),
+        recordings.axis,
     )
 
 
@@ -187,8 +190,11 @@ def speed_scale(recordings: RecordingSet, wheel: Wheel) -> float:
     return float(np.percentile(np.concatenate(speeds), 98))
 
 
-def _identify_run(run: Run, baseline: Geometry | None) -> RunIdentification:
-    left, right = (WheelSteps(wheel, *step_metrics(run, wheel, baseline)) for wheel in WHEELS)
+def _identify_run(run: Run, baseline: Geometry | None, wheels: tuple[Wheel, ...]) -> RunIdentification:
+    left, right = (
+        WheelSteps(wheel, *(step_metrics(run, wheel, baseline) if wheel in wheels else ((), None)))
+        for wheel in WHEELS
+    )
     return RunIdentification(run.name, run.speed("left", baseline).source, left, right)
 
 
@@ -199,7 +205,7 @@ def _fit_jobs(
     stepped = {run.name: any(side.steps for side in run.wheels) for run in identified}
     mixed = not all(stepped.values())
     jobs: list[tuple[Wheel, str, list[Run]]] = []
-    for wheel in WHEELS:
+    for wheel in recordings.wheels:
         driven = [run for run in recordings if float(np.abs(run.effort(wheel)).max()) >= DRIVEN_EFFORT]
         if not driven:
             continue

@@ -23,6 +23,7 @@ from truing.identify.state_space import StateSpaceFit, fit_state_space_signal
 from truing.identify.structures import DELAY, STRUCTURES, Structure
 from truing.model.robot_model import RobotModel
 from truing.progress import Progress
+from truing.recording.axis import Axis
 from truing.recording.baseline import RobotGeometry
 from truing.recording.frames import preformatted
 from truing.recording.run import WHEELS, RecordingSet, Wheel
@@ -78,6 +79,7 @@ class SetModels:
     robot: RobotGeometry
     rate_hz: float
     notes: tuple[str, ...] = ()
+    axis: Axis | None = None
 
     def to_json(self) -> dict[str, Any]:
         """For `--json`."""
@@ -149,7 +151,7 @@ def fit_models(
     refuse_absurd(recordings)
     refuse_efforts(recordings)
     names = BASIC + (RICHER if richer else ())
-    done = dict.fromkeys(WHEELS, 0.0)
+    done = dict.fromkeys(recordings.wheels, 0.0)
 
     def wheel_models(wheel: Wheel) -> WheelModels:
         def tell(share: float) -> None:
@@ -162,7 +164,7 @@ def fit_models(
     wheels: list[WheelModels] = []
     refused: dict[Wheel, str] = {}
     with ThreadPoolExecutor(len(WHEELS)) as pool:
-        futures = {wheel: pool.submit(wheel_models, wheel) for wheel in WHEELS}
+        futures = {wheel: pool.submit(wheel_models, wheel) for wheel in recordings.wheels}
         for wheel, future in futures.items():
             try:
                 wheels.append(future.result())
@@ -176,7 +178,7 @@ def fit_models(
     notes: tuple[str, ...] = ()
     if offset is not None and offset.sentence():
         notes = (f"{offset.wheel} wheel: {offset.sentence()}. {offset.advice()}",)
-    return SetModels(recordings.name, tuple(wheels), refused, robot, rate, notes)
+    return SetModels(recordings.name, tuple(wheels), refused, robot, rate, notes, recordings.axis)
 
 
 def _fit_wheel_models(

@@ -8,7 +8,8 @@ from truing.identify.tables import NONE, PlainTable
 
 def model_tables(models: SetModels) -> list[PlainTable]:
     """Every model's errors first, then each wheel's chosen physics with its intervals."""
-    return [_errors(models), *(_parameters(wheel) for wheel in models.wheels)]
+    tables = [_errors(models), *(_parameters(wheel) for wheel in models.wheels)]
+    return [table.of_axis(models.axis) for table in tables]
 
 
 def _errors(models: SetModels) -> PlainTable:

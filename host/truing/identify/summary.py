@@ -41,6 +41,11 @@ def identified_lines(result: Identification, runs: str = "RUNS") -> tuple[str, .
     ----------
     runs : the path that the user gave, for the command to go on with.
     """
+    lines = _identified(result, runs)
+    return lines if result.axis is None else tuple(map(result.axis.text, lines))
+
+
+def _identified(result: Identification, runs: str) -> tuple[str, ...]:
     fits = {wheel: fit for wheel, fit in result.whole_fits.items() if fit.gain.value is not None}
     gains = {str(wheel): fit.gain.value for wheel, fit in fits.items() if fit.gain.value is not None}
     times = {
@@ -97,6 +102,11 @@ def fitted_lines(models: SetModels, runs: str = "RUNS") -> tuple[str, ...]:
     ----------
     runs : the path that the user gave, for the command to go on with.
     """
+    lines = _fitted(models, runs)
+    return lines if models.axis is None else tuple(map(models.axis.text, lines))
+
+
+def _fitted(models: SetModels, runs: str) -> tuple[str, ...]:
     chosen = {wheel.wheel: wheel.chosen for wheel in models.wheels}
     gains = _known(models, "gain_mps")
     times = _known(models, "time_constant_s")

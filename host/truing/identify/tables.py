@@ -21,6 +21,7 @@ from truing.identify.identification import Identification, RunIdentification, Wh
 from truing.identify.quantity import Quantity
 from truing.identify.step_metrics import StepMetrics
 from truing.identify.summary import identified_lines
+from truing.recording.axis import Axis
 
 NONE = "–"
 _MARK = re.compile(r"\[\d+\]")
@@ -73,6 +74,26 @@ class PlainTable:
             table.add_row(*map(_plain, row))
         return table
 
+    def of_axis(self, axis: Axis | None) -> PlainTable:
+        """The table of a single axis: without a column of wheels, in its words and units."""
+        if axis is None:
+            return self
+        kept = [k for k, name in enumerate(self.header) if name not in ("Wheel", "Mode")]
+        gone = sum(name in ("Wheel", "Mode") for name in self.header[: self.group])
+
+        def said(texts: list[str]) -> list[str]:
+            return [axis.text(text) for text in texts]
+
+        return PlainTable(
+            axis.text(self.title),
+            said([self.header[k] for k in kept]),
+            [self.numeric[k] for k in kept],
+            max(self.group - gone, 0),
+            [said([row[k] for k in kept]) for row in self.rows],
+            said(self.notes),
+            said(self.remarks),
+        )
+
     def to_csv(self) -> str:
         """The rows as they stand, without the marks of notes; notes and remarks follow as comment lines."""
         out = io.StringIO()
@@ -112,7 +133,7 @@ def result_tables(result: Identification, *, shapes: bool = True) -> list[PlainT
     several = [run for run in result.runs if run.level_count > 1]
     steps = [_table_iii(single), _table_iv(several)]
     tables = [*steps, *([shape_table(result)] if shapes else []), _table_fits(result.fits)]
-    return [table for table in tables if table.rows]
+    return [table.of_axis(result.axis) for table in tables if table.rows]
 
 
 def shape_table(result: Identification) -> PlainTable:
@@ -161,8 +182,14 @@ def _with_interval(table: PlainTable, quantity: Quantity, digits: int) -> str:
 
 def result_text(result: Identification) -> str:
     """Three lines, the findings and the fits, as `truing identify` prints them; no tables of steps."""
-    lines = [*identified_lines(result), *(f"! {line}" for line in summarise(result.findings))]
-    return "\n".join([*lines, _table_fits(result.fits).to_text(), *unstepped(result)])
+    lines = [*identified_lines(result), *finding_lines(result)]
+    return "\n".join([*lines, _table_fits(result.fits).of_axis(result.axis).to_text(), *unstepped(result)])
+
+
+def finding_lines(result: Identification) -> list[str]:
+    """What looks wrong with the data, a line for each topic."""
+    said = [f"! {line}" for line in summarise(result.findings)]
+    return said if result.axis is None else [result.axis.text(line) for line in said]
 
 
 def unstepped(result: Identification) -> Iterator[str]:

@@ -52,7 +52,7 @@ def is_foreign(path: Path) -> bool:
     header = _head(path).split(b"\n", 1)[0].decode("utf-8-sig", errors="replace")
     names = [name.strip() for name in header.split(",")]
     # A run's file with one required column missing is reported as such, not as foreign.
-    return "t_s" not in names or not any(name.startswith("effort_") for name in names)
+    return "t_s" not in names or not any(name.startswith("effort") for name in names)
 
 
 def import_file(path: Path, options: ImportOptions | None = None) -> Imported:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from truing.arrays import FloatArray
+from truing.recording.axis import Axis, Motion
 from truing.recording.run import Run, RunMetadata
 
 if TYPE_CHECKING:
@@ -70,6 +71,7 @@ class ForeignTest:
     position, speed : shape (2, n), metres and m/s after scaling, or None.
     command : shape (n,), the commanded fraction that the recorder kept, or None.
     time_known : the format or the user says the unit of time, so that it is not to be guessed.
+    axis : both rows hold the numbers of this one motor or axis.
     """
 
     name: str
@@ -83,6 +85,7 @@ class ForeignTest:
     gyro_z_radps: FloatArray | None = None
     extra: dict[str, FloatArray] = field(default_factory=dict)
     time_known: bool = False
+    axis: Axis | None = None
 
     def motion(self) -> FloatArray | None:
         """Something that moves as the wheels do, shape (2, n): the speed, or the position per row."""
@@ -111,6 +114,12 @@ class Imported:
     kind: str
     runs: tuple[Run, ...]
     findings: tuple[Finding, ...]
+
+    def of_axis(self, motion: Motion | None) -> Imported:
+        """The runs taken as one motor or axis, whose numbers are the left side's; None: as they are."""
+        if motion is None:
+            return self
+        return replace(self, runs=tuple(run.of_axis(Axis(motion)) for run in self.runs))
 
 
 def to_run(
@@ -144,4 +153,5 @@ def to_run(
         path=source,
         metadata=RunMetadata(extra=extra),
         warnings=said,
+        axis=test.axis,
     )

@@ -30,6 +30,7 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.errors import FileError, RecordingError
+from truing.recording.axis import AXIS_COLUMNS, Axis, axis_of, wheel_columns
 from truing.recording.effort_convention import EffortActs, effort_acts, shifted
 from truing.recording.run import EFFORT_PAIR, MOTION_PAIRS, NUMERIC_COLUMNS, REQUIRED_COLUMNS
 
@@ -52,13 +53,14 @@ class Source:
 
 @dataclass(frozen=True, slots=True)
 class Mapping:
-    """A mapping file's content; `effort`: the interval that a row's effort acts in."""
+    """A mapping file's content; `effort`: the interval that a row's effort acts in; `axis`: of one motor."""
 
     path: Path
     columns: dict[str, Source]
     split: str | None = None
     skip: tuple[str, ...] = ()
     effort: EffortActs = "before"
+    axis: Axis | None = None
 
 
 def read_mapping(path: Path) -> Mapping:
@@ -75,11 +77,14 @@ def parse_mapping(tree: AnyMapping[str, Any], path: Path) -> Mapping:
     raw = tree.get("columns")
     if not isinstance(raw, dict) or not raw:
         raise FileError(path, "has no [columns] table", EXAMPLE)
-    columns = {}
+    columns: dict[str, Source] = {}
+    axis = axis_of(list(raw))
     for name, value in raw.items():
-        if name not in NUMERIC_COLUMNS:
-            raise FileError(path, f"[columns] {name}: a run has no such column")
-        columns[name] = _source(path, name, value)
+        if name not in NUMERIC_COLUMNS and (axis is None or name not in AXIS_COLUMNS):
+            known = ", ".join(sorted({*NUMERIC_COLUMNS, *AXIS_COLUMNS}))
+            raise FileError(path, f"[columns] {name}: a run has no such column", f"A run has {known}")
+        source = _source(path, name, value)
+        columns |= dict.fromkeys((name,) if axis is None else wheel_columns(name), source)
     missing = [name for name in REQUIRED_COLUMNS if name not in columns]
     if not any(all(name in columns for name in pair) for pair in MOTION_PAIRS.values()):
         missing.append("one of the pairs " + ", ".join("/".join(pair) for pair in MOTION_PAIRS.values()))
@@ -90,14 +95,14 @@ def parse_mapping(tree: AnyMapping[str, Any], path: Path) -> Mapping:
         raise FileError(path, f"unknown key {unknown[0]!r}: there are [columns], [split] and effort")
     acts = effort_acts(path, tree.get("effort", "before"))
     if "split" not in tree:
-        return Mapping(path, columns, effort=acts)
+        return Mapping(path, columns, effort=acts, axis=axis)
     split = tree["split"]
     if not isinstance(split, dict) or not isinstance(split.get("column"), str):
         raise FileError(path, "[split] needs column = NAME")
     skip = split.get("skip", [])
     if not isinstance(skip, list):
         raise FileError(path, f"[split] skip must be a list of values, not {skip!r}")
-    return Mapping(path, columns, split["column"], tuple(str(value) for value in skip), acts)
+    return Mapping(path, columns, split["column"], tuple(str(value) for value in skip), acts, axis)
 
 
 def _source(path: Path, name: str, value: Any) -> Source:
@@ -141,6 +146,7 @@ def apply(mapping: Mapping, table: AnyMapping[str, Sequence[Any]], source: Path)
         if mapping.effort == "after":
             part |= {column: shifted(part[column]) for column in EFFORT_PAIR}
         tests.append(_test(name, part, mapping.columns["t_s"].scaled))
+        tests[-1].axis = mapping.axis
     return tests
 
 

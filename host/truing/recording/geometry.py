@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from truing.errors import TruingError
+from truing.recording.axis import Axis, Motion
 from truing.recording.baseline import RobotGeometry
 from truing.recording.run import RecordingSet
+
+
+def with_axis(recordings: RecordingSet, motion: Motion | None) -> RecordingSet:
+    """The recordings as those of one axis where that is said; counts of a rotation become radians."""
+    found = recordings.of_axis(motion)
+    if found.axis is None or found.axis.motion != "rotation" or found.robot is None:
+        return found
+    return found.with_geometry(replace(found.robot, wheel_radius_m=1.0))
 
 
 def given_geometry(
@@ -38,6 +48,9 @@ def with_given_geometry(recordings: RecordingSet, given: RobotGeometry) -> Recor
     """
     if given == RobotGeometry():
         return recordings
+    if recordings.axis == Axis("rotation"):
+        # Counts of a rotation become radians.
+        given = replace(given, wheel_radius_m=1.0)
     found = recordings.with_geometry(given)
     robot = found.robot
     assert robot is not None

@@ -13,6 +13,7 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.errors import FileError, RecordingError
+from truing.recording.axis import AXIS_COLUMNS, as_wheels, axis_of, wheel_columns
 from truing.recording.baseline import Baseline, read_baseline
 from truing.recording.effort_convention import read_effort_acts, with_effort_before
 from truing.recording.run import (
@@ -39,7 +40,13 @@ def read_run(path: str | Path) -> Run:
     """
     path = Path(path)
     rows, numbers_ok = _split(path, _read_text(path))
-    header = check_header(path, rows[0])
+    own = [cell.strip() for cell in rows[0]]
+    axis = axis_of(own)
+    if axis is None:
+        header = check_header(path, rows[0])
+    else:
+        header = own
+        check_header(path, [wheel for name in own for wheel in wheel_columns(name)])
     body = _check_shape(path, header, rows[1:])
 
     columns: dict[str, FloatArray] = {}
@@ -48,7 +55,7 @@ def read_run(path: str | Path) -> Run:
     for name, cells in zip(header, zip(*body, strict=True), strict=True):
         if name == "mode":
             mode = _check_mode(path, cells)
-        elif name in NUMERIC_COLUMNS:
+        elif name in NUMERIC_COLUMNS or (axis is not None and name in AXIS_COLUMNS):
             columns[name] = _to_numbers(path, name, cells, numbers_ok)
         else:
             unknown = _unknown_numbers(cells)
@@ -58,7 +65,10 @@ def read_run(path: str | Path) -> Run:
                 columns[name] = unknown
     check_time(path, columns["t_s"])
     metadata, warnings = _read_metadata(path)
-    return Run(path.stem, columns, mode, text_columns, tuple(header), path, metadata, warnings)
+    if axis is not None:
+        columns = as_wheels(columns)
+        header = list(columns)
+    return Run(path.stem, columns, mode, text_columns, tuple(header), path, metadata, warnings, axis)
 
 
 def read_recording_set(path: str | Path, model: str | Path | None = None) -> RecordingSet:

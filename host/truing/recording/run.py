@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from truing.arrays import FloatArray
 from truing.errors import IdentifyError
+from truing.recording.axis import Axis, Motion
 from truing.recording.baseline import Baseline, RobotGeometry
 from truing.recording.frames import preformatted, to_frame
 
@@ -88,6 +89,7 @@ class Run:
     mode : `idle`, `effort` or `velocity` per row, or None when the file does not say.
     text_columns : unknown columns that do not hold numbers, as they stand.
     order : all column names in the file's order.
+    axis : where it is one motor or axis: both sides hold its numbers (see `recording.axis`).
     """
 
     name: str
@@ -98,6 +100,7 @@ class Run:
     path: Path | None = None
     metadata: RunMetadata | None = None
     warnings: tuple[str, ...] = ()
+    axis: Axis | None = None
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -124,6 +127,17 @@ class Run:
         """The usual sampling rate, Hz."""
         interval = self.interval_s
         return 1.0 / interval if interval > 0.0 else 0.0
+
+    def of_axis(self, axis: Axis) -> Run:
+        """The run taken as one axis: the left wheel's columns stand for the right one's too."""
+        columns = dict(self.columns)
+        pairs = (EFFORT_PAIR, COMMAND_PAIR, *MOTION_PAIRS.values())
+        for left, right in pairs:
+            if left in columns:
+                columns[right] = columns[left]
+        pose = {*ODOMETRY_COLUMNS, *TRUTH_COLUMNS, GYRO_COLUMN}
+        kept = {name: values for name, values in columns.items() if name not in pose}
+        return replace(self, columns=kept, order=tuple(kept), axis=axis)
 
     def to_dict(self) -> dict[str, FloatArray]:
         """The columns that hold numbers, each of shape (n,), by name: what any frame library takes."""
@@ -253,6 +267,23 @@ class RecordingSet:
 
     def __len__(self) -> int:
         return len(self.runs)
+
+    @property
+    def axis(self) -> Axis | None:
+        """The single axis that all runs are of, or None."""
+        found = {run.axis for run in self.runs}
+        return next(iter(found)) if len(found) == 1 else None
+
+    @property
+    def wheels(self) -> tuple[Wheel, ...]:
+        """The wheels to compute: both, or the left one that stands for a single axis."""
+        return WHEELS if self.axis is None else WHEELS[:1]
+
+    def of_axis(self, motion: Motion | None) -> RecordingSet:
+        """The same runs taken as one motor or axis, whose numbers are the left wheel's; None: as they are."""
+        if motion is None:
+            return self
+        return replace(self, runs=tuple(run.of_axis(Axis(motion)) for run in self.runs))
 
     @property
     def is_from_board(self) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.errors import RecordingError
+from truing.recording.axis import AXIS_COLUMNS, as_wheels, axis_of, wheel_columns
 from truing.recording.frames import Table, table_columns
 from truing.recording.reader import check_header, check_time
 from truing.recording.run import MINIMUM_ROWS, MODES, MOTION_PAIRS, NUMERIC_COLUMNS, Run
@@ -30,10 +31,12 @@ def run_from_table(table: Table, name: str, *, motion: bool = True) -> Run:
     """
     path = Path(name)
     raw = table_columns(table)
+    axis = axis_of(list(raw))
+    names = list(raw) if axis is None else [wheel for name in raw for wheel in wheel_columns(name)]
     if motion:
-        check_header(path, list(raw))
+        check_header(path, names)
     else:
-        check_header(path, list(dict.fromkeys([*raw, *MOTION_PAIRS["vel"]])))
+        check_header(path, list(dict.fromkeys([*names, *MOTION_PAIRS["vel"]])))
     shapes = {column: np.shape(values) for column, values in raw.items()}
     rows = shapes["t_s"]
     for column, shape in shapes.items():
@@ -47,13 +50,16 @@ def run_from_table(table: Table, name: str, *, motion: bool = True) -> Run:
     for column, values in raw.items():
         if column == "mode":
             mode = _modes(path, values)
-        elif column in NUMERIC_COLUMNS:
+        elif column in NUMERIC_COLUMNS or (axis is not None and column in AXIS_COLUMNS):
             columns[column] = _numbers(path, column, values)
         elif values.dtype.kind in "iufb":
             columns[column] = values.astype(np.float64)
         else:
             text[column] = tuple(map(str, values))
     check_time(path, columns["t_s"])
+    if axis is not None:
+        columns = as_wheels(columns)
+        return Run(name, columns, mode, text, tuple(columns), axis=axis)
     return Run(name, columns, mode, text, tuple(raw))
 
 

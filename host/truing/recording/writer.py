@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from truing.errors import OutputError, RecordingError
+from truing.recording.axis import axis_names
 from truing.recording.reader import METADATA_SUFFIX
 from truing.recording.run import MINIMUM_ROWS, Run, RunMetadata
 
@@ -113,10 +114,12 @@ def check_output(path: str | Path, *, folder: bool = False) -> None:
 
 def _to_csv(run: Run) -> str:
     names = list(run.order) or [*run.columns, *(["mode"] if run.mode is not None else []), *run.text_columns]
+    shown = dict(zip(names, names, strict=True)) if run.axis is None else axis_names(names, run.axis)
+    names = list(shown)
     cells = [_cells(run, name) for name in names]
     out = io.StringIO(newline="")
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(names)
+    writer.writerow(shown.values())
     writer.writerows(zip(*cells, strict=True))
     return out.getvalue()
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from truing.diagnose.result import Diagnosis, EffectParameter, FitErrors, MismatchSpan, NamedEffect, Verdict
+from truing.recording.axis import Axis
 
 HEADINGS: dict[Verdict, str] = {
     "consistent": "No missing effect was detected",
@@ -20,6 +21,8 @@ HEADINGS: dict[Verdict, str] = {
 # Smaller units for values below one.
 _SMALLER = {"s": ("ms", 1e3), "m/s": ("mm/s", 1e3), "m": ("mm", 1e3)}
 _UNIT_TEXT = {"effort": "of full effort", "1": "", "fraction": "", "factor": "", "ratio": ""}
+# Effects that need two wheels under one body.
+TWO_WHEELS = ("turning_scrub", "side_asymmetry", "inertia_coupling", "wheel_slip", "floor_slope")
 LINE_WIDTH = 100
 MAX_PLACES = 4
 # Sets of effects listed where something is unexplained.
@@ -44,18 +47,25 @@ def effect_title(name: str) -> str:
     return name.replace("_", " ") if effect is None else effect.title
 
 
-def sections(diagnosis: Diagnosis, *, board: bool | None = None) -> tuple[Section, ...]:
+def sections(
+    diagnosis: Diagnosis, *, board: bool | None = None, axis: Axis | None = None
+) -> tuple[Section, ...]:
     """The whole result as text, its first three lines in front.
 
     Parameters
     ----------
     board : the user has a board of ours, so that advice about it is of use; None: if it made the runs.
+    axis : the recordings are of this single axis; None: as the diagnosis' own recordings say.
     """
     from truing.diagnose.present.first_screen import first_screen
 
+    if axis is None and diagnosis.recordings is not None:
+        axis = diagnosis.recordings.axis
+    if axis is not None:
+        diagnosis = of_axis(diagnosis)
     if board is None:
         board = diagnosis.recordings is not None and diagnosis.recordings.is_from_board
-    found = (
+    found: tuple[Section, ...] = (
         Section("Verdict", first_screen(diagnosis, board=board)),
         Section("Error of the simulation", (*error_lines(diagnosis), *not_detectable_lines(diagnosis))),
         Section("What is missing", tuple(effect_lines(diagnosis))),
@@ -65,7 +75,26 @@ def sections(diagnosis: Diagnosis, *, board: bool | None = None) -> tuple[Sectio
         Section("Confidence and limitations", tuple(uncertainty_lines(diagnosis))),
         Section("What to do next", tuple(next_lines(diagnosis, board=board))),
     )
+    if axis is not None:
+        found = tuple(Section(part.title, tuple(map(axis.text, part.lines))) for part in found)
     return tuple(section for section in found if section.lines)
+
+
+def of_axis(diagnosis: Diagnosis) -> Diagnosis:
+    """The diagnosis of a single axis without what needs a second wheel or a floor."""
+    from truing.diagnose.catalogue import CATALOGUE
+
+    def kept(names: Iterable[str]) -> tuple[str, ...]:
+        return tuple(name for name in names if name not in TWO_WHEELS and CATALOGUE[name].domain == "wheel")
+
+    return replace(
+        diagnosis,
+        not_exercised=kept(diagnosis.not_exercised),
+        weakly_exercised=kept(diagnosis.weakly_exercised),
+        checks=tuple(check for check in diagnosis.checks if not set(check.blocks) & set(TWO_WHEELS)),
+        numbers=tuple(entry for entry in diagnosis.numbers if entry.wheel == "left"),
+        pose_fit=None,
+    )
 
 
 def first_sections(diagnosis: Diagnosis) -> tuple[Section, ...]:

@@ -1,0 +1,168 @@
+"""A single motor or axis: one column of effort, one of speed or position; one side computed, no wheels."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from numpy.typing import NDArray
+
+import truing
+from truing.cli import group
+from truing.errors import RecordingError
+from truing.identify import identification, model_ladder
+from truing.recording.axis import Axis
+from truing.recording.reader import read_recording_set, read_run
+from truing.recording.writer import write_run
+
+Array = NDArray[np.float64]
+GAIN_RADPS, TAU_S, FRICTION = 90.0, 0.12, 0.05
+TWO_WHEELS = re.compile(r"\b(left(?!.?out)|right|wheels?|both|chassis|turns?|m/s|mm/s)\b", re.IGNORECASE)
+
+
+def driven(seed: int) -> tuple[Array, Array, Array]:
+    """Time, effort and speed of a motor with dry friction, in small steps, at 50 Hz for 8 s."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 8.0, 0.02)
+    effort = np.zeros(len(t))
+    for begin in range(20, len(t) - 60, 60):
+        effort[begin : begin + 40] = rng.uniform(-0.8, 0.8)
+    v, speeds = 0.0, []
+    for u in effort:
+        for _ in range(20):
+            free = v + 1e-3 * (GAIN_RADPS * u - v) / TAU_S
+            hold = 1e-3 * GAIN_RADPS * FRICTION / TAU_S
+            v = float(np.sign(free) * max(abs(free) - hold, 0.0))
+        speeds.append(v)
+    # The speed of a row is what the effort of the interval that ends there has made of it.
+    return t, effort, np.array(speeds) + 0.1 * rng.standard_normal(len(t))
+
+
+def write(path: Path, columns: dict[str, Array]) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def motor(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A set of three runs with the columns of one axis."""
+    folder = tmp_path_factory.mktemp("motor")
+    for seed in range(3):
+        t, effort, speed = driven(seed)
+        columns = {"t_s": t, "effort": effort, "vel_radps": speed}
+        write(folder / "runs" / f"{seed + 1:02d}_steps.csv", columns)
+    return folder
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(group, [str(a) for a in arguments], catch_exceptions=False)
+
+
+def test_a_motors_numbers_are_found_and_said_in_its_units_without_wheels(motor: Path) -> None:
+    said = run("fit", motor).stdout
+    assert said.startswith("The axis: ")
+    gain = float(re.search(r"gain +([\d.]+)", said).group(1))  # type: ignore[union-attr]
+    assert gain == pytest.approx(GAIN_RADPS, rel=0.03)
+    assert "rad/s" in said
+    steps = run("identify", motor).stdout
+    assert "mrad/s per %" in steps
+    for text in (said, steps):
+        assert not TWO_WHEELS.search(text.replace(str(motor), "")), TWO_WHEELS.search(text)
+
+
+def test_one_side_is_computed(motor: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    computed: list[str] = []
+
+    def watched(module: object, name: str, place: int) -> None:
+        original: Callable[..., object] = getattr(module, name)
+
+        def counted(*arguments: object, **more: object) -> object:
+            computed.append(f"{name} {arguments[place]}")
+            return original(*arguments, **more)
+
+        monkeypatch.setattr(module, name, counted)
+
+    watched(model_ladder, "fit_wheel", 1)
+    watched(identification, "step_metrics", 1)
+    recordings = read_recording_set(motor)
+    models = model_ladder.fit_models(recordings)
+    identification.identify_set(recordings)
+    assert set(computed) == {"fit_wheel left", "step_metrics left"}
+    model = models.robot_model()
+    assert model.left == model.right
+    assert not models.refused
+
+
+@pytest.mark.slow
+def test_a_diagnosis_of_an_axis_speaks_of_it_alone(motor: Path, tmp_path: Path) -> None:
+    baseline, out = tmp_path / "baseline.toml", tmp_path / "verdict.json"
+    assert run("identify", motor, "--write-baseline", baseline).exit_code == 0
+    result = run("diagnose", motor, "--model", baseline, "--json", out)
+    assert result.exit_code == 0
+    said = result.stdout.replace(str(tmp_path), "").replace(str(motor), "")
+    assert said.startswith("Verdict\n  The axis: ")
+    assert "friction" in said
+    assert not TWO_WHEELS.search(said.split("What to do next")[0]), TWO_WHEELS.search(said)
+    # The JSON keeps its names: an axis is its left wheel.
+    tree = json.loads(out.read_text())
+    assert {entry["signal"] for entry in tree["mismatch"]} <= {"vel_left_mps"}
+
+
+@pytest.mark.parametrize("name", ["vel_radps", "pos_rad", "vel_mps", "pos_m", "ticks"])
+def test_an_axis_is_written_as_it_was_read(name: str, tmp_path: Path) -> None:
+    t, effort, speed = driven(1)
+    values = speed if name.startswith("vel") else np.round(np.cumsum(0.02 * speed) * 100.0)
+    file = write(tmp_path / "01_a.csv", {"t_s": t, "effort": effort, name: values})
+    read = read_run(file)
+    motion = "translation" if name in ("vel_mps", "pos_m") else "rotation"
+    assert read.axis == Axis(motion)
+    assert np.array_equal(read.effort("left"), read.effort("right"))
+    again = write_run(read, tmp_path / "02_b.csv")
+    assert again.read_text().splitlines()[0] == f"t_s,effort,{name}"
+    assert np.array_equal(read_run(again).columns["effort_left"], effort)
+
+
+def test_counts_of_a_motor_need_no_radius(tmp_path: Path) -> None:
+    t, effort, speed = driven(2)
+    ticks = np.round(np.cumsum(0.02 * speed) * 4096 / (2.0 * np.pi))
+    file = write(tmp_path / "01_a.csv", {"t_s": t, "effort": effort, "ticks": ticks})
+    said = run("fit", file, "--counts-per-rev", 4096).stdout
+    gain = float(re.search(r"gain +([\d.]+)", said).group(1))  # type: ignore[union-attr]
+    assert gain == pytest.approx(GAIN_RADPS, rel=0.03)
+
+
+def test_a_file_that_holds_its_numbers_twice_is_taken_as_an_axis_where_that_is_said(tmp_path: Path) -> None:
+    t, effort, speed = driven(1)
+    twice = {"effort_left": effort, "effort_right": effort, "vel_left_mps": speed, "vel_right_mps": speed}
+    file = write(tmp_path / "01_a.csv", {"t_s": t, **twice})
+    assert "(left / right)" in run("identify", file).stdout or "wheel" in run("identify", file).stdout.lower()
+    said = run("identify", file, "--axis", "translation").stdout
+    assert said.startswith("The axis: ")
+    assert "rad" not in said.splitlines()[0]
+
+
+def test_an_axis_without_motion_is_refused_by_name(tmp_path: Path) -> None:
+    t, effort, _ = driven(1)
+    file = write(tmp_path / "01_a.csv", {"t_s": t, "effort": effort})
+    with pytest.raises(RecordingError, match="wheel motion is missing"):
+        read_run(file)
+
+
+def test_an_axis_in_memory_is_read_too() -> None:
+    t, effort, speed = driven(1)
+    found = truing.read({"t_s": t, "effort": effort, "vel_radps": speed}, name="motor")
+    assert found.axis == Axis("rotation")
+    assert str(truing.identify(found)).startswith("The axis: ")
+
+
+def test_commands_in_a_sentence_are_left_alone() -> None:
+    said = Axis("rotation").text("The robot: 3 m/s (left wheel). Next: `truing fit /data/left wheel`")
+    assert said == "The axis: 3 rad/s. Next: `truing fit /data/left wheel`"
