@@ -117,6 +117,9 @@ static void watch_bus(struct controller *controller, uint32_t now_ms)
  * that the host began in between. It brakes here, since the end of the round forgets that it was heard. */
 static void listen(struct controller *controller)
 {
+    if (!hal_has_unheard()) {
+        return;
+    }
     const uint32_t state = hal_critical_enter();
     if (hears_stop(controller)) {
         controller->robot.stop_heard = true;

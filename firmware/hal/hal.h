@@ -77,6 +77,9 @@ size_t hal_link_read(uint8_t *out, size_t capacity);
  * their first part; returns how many, 0 once all have been shown. They stay to be read. */
 size_t hal_link_peek(const uint8_t **bytes);
 
+/* Whether hal_link_peek or hal_can_peek would show something: bytes or frames have come since. */
+bool hal_has_unheard(void);
+
 /* Queues bytes for sending; returns how many were taken (all or the part that fits). */
 size_t hal_link_write(const uint8_t *data, size_t length);
 

@@ -30,11 +30,11 @@ enum {
 
 static struct hal_can_frame rx_ring[RX_SIZE];
 static struct hal_can_frame tx_ring[TX_SIZE];
-static volatile uint32_t rx_head; /* written by the interrupt */
-static volatile uint32_t rx_tail; /* written by the main loop */
-static uint32_t rx_peeked;        /* written by the tick, or with the tick held off */
-static volatile uint32_t tx_head; /* written by the main loop */
-static volatile uint32_t tx_tail; /* written with CAN's interrupts held off, or by them */
+static volatile uint32_t rx_head;   /* written by the interrupt */
+static volatile uint32_t rx_tail;   /* written by the main loop */
+static volatile uint32_t rx_peeked; /* written by the tick, or with the tick held off */
+static volatile uint32_t tx_head;   /* written by the main loop */
+static volatile uint32_t tx_tail;   /* written with CAN's interrupts held off, or by them */
 static volatile bool call;
 static volatile bool on;         /* the controller is there and has a bit timing */
 static volatile bool recovering; /* between initialization mode and the bus */
@@ -269,18 +269,29 @@ static bool take_frame(uint32_t *at, struct hal_can_frame *out)
 bool hal_can_read(struct hal_can_frame *out)
 {
     uint32_t tail = rx_tail;
+    if (tail == rx_peeked) {
+        return false;
+    }
     const uint32_t before = cpu_basepri();
     cpu_set_basepri(PRIORITY_CAN); /* nothing is overwritten while it is copied */
-    const bool taken = tail != rx_peeked && take_frame(&tail, out);
+    const bool taken = take_frame(&tail, out);
     rx_tail = tail;
     cpu_set_basepri(before);
     return taken;
 }
 
+bool bxcan_has_unheard(void)
+{
+    return rx_peeked != rx_head;
+}
+
 /* Its callers are of one priority with the receiving interrupt. */
 bool hal_can_peek(struct hal_can_frame *out)
 {
-    return take_frame(&rx_peeked, out);
+    uint32_t at = rx_peeked;
+    const bool taken = take_frame(&at, out);
+    rx_peeked = at;
+    return taken;
 }
 
 size_t hal_can_writable(void)

@@ -11,6 +11,9 @@ void bxcan_prepare(uint32_t bus_hz, bool exact);
 /* Every millisecond, from the tick: recovery from bus-off, and discards frames without acknowledgment. */
 void bxcan_tick(void);
 
+/* Whether hal_can_peek would show a frame. */
+bool bxcan_has_unheard(void);
+
 /* Whether the main loop has work: frames wait to be read, or there is room for more to be sent. */
 bool bxcan_take_call(void);
 

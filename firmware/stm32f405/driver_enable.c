@@ -40,5 +40,8 @@ void driver_enable_release(void)
 
 void hal_enable_driver(bool enabled)
 {
-    TIM8->bdtr = enabled && (TIM8->sr & TIM_SR_BIF) == 0 ? DISABLED | TIM_BDTR_MOE : DISABLED;
+    const uint32_t wanted = enabled && (TIM8->sr & TIM_SR_BIF) == 0 ? DISABLED | TIM_BDTR_MOE : DISABLED;
+    if (TIM8->bdtr != wanted) { /* a break has cleared MOE by itself */
+        TIM8->bdtr = wanted;
+    }
 }

@@ -85,6 +85,11 @@ void hal_sense(struct hal_sample *out)
     out->battery_valid = battery_read(&out->battery_mv);
 }
 
+bool hal_has_unheard(void)
+{
+    return usart_link_has_unheard() || bxcan_has_unheard();
+}
+
 uint32_t hal_now_us(void)
 {
     return encoders_now_us();

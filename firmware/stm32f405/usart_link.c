@@ -289,6 +289,11 @@ size_t hal_link_peek(const uint8_t **bytes)
     return count;
 }
 
+bool usart_link_has_unheard(void)
+{
+    return received() != rx_peeked;
+}
+
 void usart_link_forget(void)
 {
     rx_tail = received();

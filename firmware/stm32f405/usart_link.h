@@ -30,6 +30,9 @@ bool usart_link_take_call(void);
  * second way besides the interrupt. */
 void usart_link_tick(void);
 
+/* Whether hal_link_peek would show bytes. */
+bool usart_link_has_unheard(void);
+
 /* Discards what has been received and not read. For the main loop, while no tick can come, after a time in
  * which none came: the ring may have gone round. */
 void usart_link_forget(void);

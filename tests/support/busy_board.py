@@ -161,6 +161,7 @@ def measure(image: Path) -> Costs:
             _fill_the_line(client, robot, can, robot.time_us + BUSY_US)
         bus_share = (can.bus.totals().bits - before) / BUSY_US
         assert can.answers > 1000
+        robot.run_us(20_000)  # the host's last frame leaves, which would hold a shorted bus for ever
         can.bus.set_shorted(True)
         robot.run_us(300_000)
         robot.set_encoder_fault(0, EncoderFault.UNPLUGGED)

@@ -135,6 +135,12 @@ size_t hal_link_peek(const uint8_t **bytes)
     return count;
 }
 
+bool hal_has_unheard(void)
+{
+    return current->peeked_at != current->received_length ||
+           current->can_peeked_at != current->can_received_count;
+}
+
 size_t hal_link_write(const uint8_t *data, size_t length)
 {
     const size_t taken =
