@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from truing.cli.options import axis_option, json_option
 
 if TYPE_CHECKING:
     from truing.importers import Imported
+    from truing.importers.mapping import Mapping
     from truing.recording.axis import Motion
 
 POSITIVE = click.FloatRange(min=0.0, min_open=True)
@@ -46,6 +48,25 @@ POSITIVE = click.FloatRange(min=0.0, min_open=True)
 @click.option(
     "--full-speed", type=POSITIVE, help="Wheel speed (m/s) of full effort, where speeds are commanded."
 )
+@click.option("--full-effort", type=POSITIVE, help="A table's number for full effort (255, 1023, ...).")
+@click.option(
+    "--wheel-radius",
+    metavar="METRES",
+    type=POSITIVE,
+    help="Turns a table's rpm or rad/s into speeds at the rim.",
+)
+@click.option(
+    "--set",
+    "edits",
+    metavar="NAME=EXPRESSION",
+    multiple=True,
+    help="Change the proposed mapping: vel_left_mps='v - w*b/2', b=0.23, acts=after, from_s=2, to_s=30.",
+)
+@click.option(
+    "--preview", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
+    help="Draw the first run of a table as .html or .png.",
+)  # fmt: skip
+@click.option("--yes", is_flag=True, help="Take the proposed mapping without a question.")
 @axis_option
 @json_option
 def command(
@@ -58,11 +79,18 @@ def command(
     wheelbase: float | None,
     full_speed: float | None,
     axis: Motion | None,
+    full_effort: float | None,
+    wheel_radius: float | None,
+    edits: tuple[str, ...],
+    preview: Path | None,
+    yes: bool,
 ) -> None:
     """Turn recordings of other programs into a set of runs, and say what looks wrong with them.
 
     Reads WPILib SysId JSON (2020 and newer, .json or .json.gz), WPILib .wpilog, ROS 1 and 2 bags
-    (JointState, Odometry, Twist), MCAP, MATLAB .mat, and any CSV through a mapping file:
+    (JointState, Odometry, Twist), MCAP, MATLAB .mat, and any table of text. Where a table has no mapping
+    file, one is proposed, shown with a preview and asked about once; not at a terminal it is printed, and the
+    exit status is 2 unless --yes takes it. The mapping is kept in SET/mapping.toml:
 
     \b
       effort = "after"       # optional: a row's effort acts in the interval after it
@@ -80,19 +108,30 @@ def command(
     Examples:
       truing import sysid_data.json --out out/sets/drive
       truing import bag_folder --out out/sets/bag --wheelbase 0.35 --metres-per-unit 0.05
+      truing import log.csv --out out/sets/log
+      truing import motor.txt --out out/sets/motor --full-effort 400 --yes
       truing import log.csv --mapping log.mapping.toml --out out/sets/log
     """
+    from truing.cli.import_dialogue import agreed_mapping
     from truing.errors import OutputError
-    from truing.importers import ImportOptions, import_file
-    from truing.recording.writer import next_run_path, write_run
+    from truing.importers import ImportOptions, import_file, without_mapping
+    from truing.recording.writer import next_run_path, replace_file, write_run
 
     if any((out / "runs").glob("*.csv")):
         raise OutputError(out, "already holds runs", "Give --out a new folder")
-    options = ImportOptions(nominal_voltage, metres_per_unit, wheelbase, full_speed, mapping)
+    options = ImportOptions(
+        nominal_voltage, metres_per_unit, wheelbase, full_speed, mapping,
+        full_effort=full_effort, wheel_radius_m=wheel_radius,
+    )  # fmt: skip
+    agreed: tuple[Mapping, str] | None = None
+    tables = without_mapping(files, options)
+    if tables:
+        agreed = agreed_mapping(app, tables, options, edits, out=out, preview=preview, yes=yes)
     imported = []
     with app.progress("importing") as progress:
         for number, file in enumerate(files, start=1):
-            imported.append(import_file(file, options).of_axis(axis))
+            chosen = replace(options, mapping=agreed[0]) if agreed and file in tables else options
+            imported.append(import_file(file, chosen).of_axis(axis))
             progress(number / len(files))
     written = []
     for item in imported:
@@ -127,6 +166,10 @@ def command(
         }
     )
     _print(app, imported, out)
+    if agreed is not None:
+        kept = agreed[0].path
+        replace_file(kept, agreed[1].encode("utf-8"))
+        app.say(f"{kept}: the mapping; the next file needs no question with --mapping {kept}")
 
 
 def _print(app: App, imported: list[Imported], out: Path) -> None:

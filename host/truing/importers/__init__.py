@@ -16,7 +16,16 @@ from .recording_set import read_runs
 if TYPE_CHECKING:
     from .mapping import Mapping
 
-__all__ = ["Finding", "ImportOptions", "Imported", "import_file", "import_table", "is_foreign", "read_runs"]
+__all__ = [
+    "Finding",
+    "ImportOptions",
+    "Imported",
+    "import_file",
+    "import_table",
+    "is_foreign",
+    "read_runs",
+    "without_mapping",
+]
 
 HEAD_BYTES = 4096
 
@@ -70,6 +79,19 @@ def import_file(path: Path, options: ImportOptions | None = None) -> Imported:
         raise RecordingError(path, "no importer knows this file", next_step=f"Known kinds: {kinds}")
     tests, findings = importer.read(path, options)
     return _imported(path, importer.KIND, tests, findings, options)
+
+
+def without_mapping(files: Sequence[Path], options: ImportOptions) -> list[Path]:
+    """The files among these that are tables for which no mapping was given or lies beside them."""
+    from . import mapped_csv
+
+    found = []
+    for file in files:
+        head = _head(file)
+        importer = next((item for item in importers() if item.matches(file, head)), None)
+        if importer is mapped_csv and not mapped_csv.has_mapping(file, options):
+            found.append(file)
+    return found
 
 
 def import_table(

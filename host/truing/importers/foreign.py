@@ -32,6 +32,8 @@ class ImportOptions:
     full_speed_mps : wheel speed that counts as effort 1 where speeds are commanded and no effort is recorded.
     mapping : a mapping, its file, or None to look for one beside the data.
     spins : whether tests that turn the robot on the spot are wanted.
+    full_effort : the number that a table without a mapping has for full effort.
+    wheel_radius_m : turns a table's rotations into travel at the rim, m.
     """
 
     nominal_voltage_v: float = NOMINAL_VOLTAGE_V
@@ -40,6 +42,8 @@ class ImportOptions:
     full_speed_mps: float | None = None
     mapping: Path | Mapping | None = None
     spins: bool = True
+    full_effort: float | None = None
+    wheel_radius_m: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
