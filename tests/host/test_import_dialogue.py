@@ -16,7 +16,7 @@ from truing.cli.app import App
 from truing.cli.import_dialogue import QUESTION
 from truing.errors import RecordingError, TruingError
 from truing.identify.identification import identify_set
-from truing.importers.column_guess import sparkline, words
+from truing.importers.column_guess import guess_columns, sparkline, words
 from truing.importers.expression import Expression, ExpressionError
 from truing.importers.mapping import filled_pose
 from truing.importers.proposal import propose
@@ -172,6 +172,16 @@ def test_the_preview_is_a_page_or_a_picture(kind: str, tmp_path: Path) -> None:
     arguments = ("import", UGLY / "motor_bench.dat", "--out", tmp_path / "set", "--yes", "--preview", picture)
     assert run(*arguments).exit_code == 0
     assert picture.read_bytes().startswith(b"\x89PNG" if kind == "png" else b"<!DOCTYPE html>")
+
+
+def test_a_header_in_a_comment_may_have_names_of_several_words(tmp_path: Path) -> None:
+    """As in the MRCLAM data set, whose title has as many words as the table has columns."""
+    head = "# Some Odometry Data:\n# Time [s]    forward velocity [m/s]    angular velocity[rad/s]\n"
+    rows = "\n".join(f"{1248444187.0 + 0.1 * k:.3f} \t  {0.01 * k:.3f} \t -0.398" for k in range(30))
+    (tmp_path / "odometry.dat").write_text(head + rows + "\n")
+    table = read_text_table(tmp_path / "odometry.dat")
+    assert table.names == ("Time [s]", "forward velocity [m/s]", "angular velocity[rad/s]")
+    assert [column.unit for column in guess_columns(table)] == ["s", "m/s", "rad/s"]
 
 
 def test_one_wheel_alone_is_an_axis(tmp_path: Path) -> None:

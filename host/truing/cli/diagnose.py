@@ -124,6 +124,7 @@ def command(
         from truing.diagnose.present.exports import parse_exports, write_exports
         from truing.diagnose.present.text import sections
         from truing.diagnose.simulation.warm import compile_once
+        from truing.errors import IdentifyError
         from truing.recording.geometry import with_axis
         from truing.recording.writer import check_output, replace_file
 
@@ -133,6 +134,12 @@ def command(
                 check_output(path)
         known = parse_measured(measured)
         recordings = with_measured(with_axis(read_input(runs, model), axis), known)
+        if recordings.baseline is None:
+            raise IdentifyError(
+                f"{runs}: there is no baseline.toml beside it to compare with",
+                f"`truing identify {runs} --write-baseline baseline.toml` finds one for --model; "
+                "it has [wheel.left] and [wheel.right] with gain_mps and time_constant_s",
+            )
         if recordings.axis is not None:
             # Both sides hold the axis' numbers: one of them is judged, and pose and turns mean nothing.
             wheel, wheels_only = "left", True

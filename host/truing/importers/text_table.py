@@ -23,6 +23,7 @@ LOOKED_AT = 400
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$")
 _COMMA_NUMBER = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?$")
 _ISO = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d|\d\d:\d\d:\d\d(\.\d+)?$")
+_WIDE = re.compile(r"\t+|\s{2,}")
 _UNIT_ROW = re.compile(r"^[\[(]?[A-Za-z°µ%/^0-9*._ -]{0,12}[\])]?$")
 
 
@@ -187,9 +188,9 @@ def _header(
             text = line.lstrip()
             mark = next((mark for mark in COMMENTS if text.startswith(mark)), None)
             inside = text[len(mark) :].strip() if mark else ""
-            cells = next(
-                (one for one in (_cells(inside, separator), inside.split()) if len(one) == width), []
-            )
+            # Names may hold single spaces where columns stand further apart.
+            ways = (_cells(inside, separator), _WIDE.split(inside), inside.split())
+            cells = next((one for one in ways if len(one) == width), [])
             if cells and not _is_data(cells):
                 fitting = [cells]
                 break
