@@ -103,14 +103,20 @@ def test_one_side_is_computed(motor: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 @pytest.mark.slow
 def test_a_diagnosis_of_an_axis_speaks_of_it_alone(motor: Path, tmp_path: Path) -> None:
-    baseline, out = tmp_path / "baseline.toml", tmp_path / "verdict.json"
+    baseline, out, page = (tmp_path / name for name in ("baseline.toml", "verdict.json", "page.html"))
     assert run("identify", motor, "--write-baseline", baseline).exit_code == 0
-    result = run("diagnose", motor, "--model", baseline, "--json", out)
+    result = run("diagnose", motor, "--model", baseline, "--json", out, "--report", page)
     assert result.exit_code == 0
     said = result.stdout.replace(str(tmp_path), "").replace(str(motor), "")
     assert said.startswith("Verdict\n  The axis: ")
     assert "friction" in said
     assert not TWO_WHEELS.search(said.split("What to do next")[0]), TWO_WHEELS.search(said)
+    html = page.read_text()
+    shown = re.sub(r"<style.*?</style>|<script.*?</script>|<[^>]+>", " ", html, flags=re.DOTALL)
+    assert not TWO_WHEELS.search(shown), TWO_WHEELS.search(shown)
+    names = set(re.findall(r'"name":"([^"]+)"', html))
+    assert {"measured", "refitted"} <= names
+    assert not any("right" in name or "left" in name.split(",")[0].split() for name in names)
     # The JSON keeps its names: an axis is its left wheel.
     tree = json.loads(out.read_text())
     assert {entry["signal"] for entry in tree["mismatch"]} <= {"vel_left_mps"}

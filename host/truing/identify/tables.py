@@ -24,6 +24,8 @@ from truing.identify.summary import identified_lines
 from truing.recording.axis import Axis
 
 NONE = "–"
+# Columns that say nothing of a single axis.
+OF_WHEELS = ("Wheel", "Mode", "Turns")
 _MARK = re.compile(r"\[\d+\]")
 
 
@@ -78,8 +80,8 @@ class PlainTable:
         """The table of a single axis: without a column of wheels, in its words and units."""
         if axis is None:
             return self
-        kept = [k for k, name in enumerate(self.header) if name not in ("Wheel", "Mode")]
-        gone = sum(name in ("Wheel", "Mode") for name in self.header[: self.group])
+        kept = [k for k, name in enumerate(self.header) if name not in OF_WHEELS]
+        gone = sum(name in OF_WHEELS for name in self.header[: self.group])
 
         def said(texts: list[str]) -> list[str]:
             return [axis.text(text) for text in texts]

@@ -43,7 +43,7 @@ _WORDS = (
     (r"\bA wheel\b", "An axis"),
     (r"\bwheels?\b", "axis"),
     (r"\b[Tt]he robot\b: ", "The axis: "),
-    (r"\bthe robot\b", "the axis"),
+    (r"\bthe (?:whole )?robot\b", "the axis"),
     (r"\bLeft (\w)", r"\1"),
     (r"\b(?:breakaway|friction|amplitude) left\b", lambda m: m.group(0).split(" ")[0]),
     (r"(?<=[:,] )left (?=[-\d])", ""),

@@ -11,6 +11,7 @@ from string import Template
 
 from truing import __version__
 from truing.diagnose.present import charts as charts
+from truing.diagnose.present.axis_page import figures_of, of_left, said
 from truing.diagnose.present.cells import FALSE_DISCOVERY_RATE, Bins, Located, locate
 from truing.diagnose.present.first_screen import NOTHING_TO_DO, first_screen
 from truing.diagnose.present.text import (
@@ -21,6 +22,7 @@ from truing.diagnose.present.text import (
     headline,
     next_lines,
     number_lines,
+    of_axis,
     place_lines,
     rivals_text,
     sentence,
@@ -55,6 +57,9 @@ def render_report(recordings: RecordingSet, diagnosis: Diagnosis, *, board: bool
     ----------
     board : the user has a board of ours, so that advice about it is of use; None: if it made the runs.
     """
+    axis = recordings.axis
+    if axis is not None:
+        diagnosis = of_axis(diagnosis)
     page = _Page(recordings, diagnosis, board)
     sections = (
         page.compared(),
@@ -63,20 +68,21 @@ def render_report(recordings: RecordingSet, diagnosis: Diagnosis, *, board: bool
         page.confidence(),
         page.to_do(),
     )
+    lead = "<br>".join(map(escape, first_screen(diagnosis, board=page.board)))
     template = Template(resources.files("truing").joinpath("report/page.html").read_text("utf-8"))
     seconds = f" in {diagnosis.seconds:.0f} s" if math.isfinite(diagnosis.seconds) else ""
     return template.substitute(
-        title=escape(headline(diagnosis)),
+        title=escape(headline(diagnosis) if axis is None else axis.text(headline(diagnosis))),
         kicker=f"truing · diagnosis of {escape(diagnosis.name)} · {escape(HEADINGS[diagnosis.verdict])}",
-        lead="<br>".join(map(escape, first_screen(diagnosis, board=page.board))),
-        facts=page.facts(),
+        lead=said(f"<span>{lead}</span>", axis),
+        facts=said(page.facts(), axis),
         findings="",
-        results="".join(sections),
-        runs=page.runs(),
+        results=said("".join(sections), axis),
+        runs=said(page.runs(), axis),
         footer=f"Written by truing {escape(__version__)}{seconds}. Every error is of free-run simulation: "
         "the model sees the efforts and never the measured speeds. Speeds are means over each interval.",
         plots=plot_script(),
-        figures=figures_json(page.figures),
+        figures=figures_json(figures_of(page.figures, axis)),
     )
 
 
@@ -89,8 +95,9 @@ class _Page:
         self.named = bool(diagnosis.effects)
         self.board = recordings.is_from_board if board is None else board
         self.figures: dict[str, Figure] = {}
-        self.before = locate(diagnosis)
-        self.after = locate(diagnosis, after=True) if self.named else Located((), ())
+        self.axis = recordings.axis
+        self.before = of_left(locate(diagnosis), self.axis)
+        self.after = of_left(locate(diagnosis, after=True), self.axis) if self.named else Located((), ())
 
     def facts(self) -> str:
         fit = self.diagnosis.fit
@@ -132,7 +139,7 @@ class _Page:
             noise.rows.append([signal_text(entry.signal), *sizes, memory])
         sources = dict.fromkeys(entry.known_from for entry in self.diagnosis.noise)
         noise.remarks = [sentence(f"estimated from {source}") for source in sources if source]
-        tables = html_table(runs) + (html_table(noise) if noise.rows else "")
+        tables = html_table(runs.of_axis(self.axis)) + (html_table(noise) if noise.rows else "")
         return f"<h2>What was compared</h2>{_paragraphs(lines)}{tables}"
 
     def _known(self) -> str:
