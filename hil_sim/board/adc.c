@@ -51,6 +51,7 @@ static double voltage(struct board *b, uint32_t c)
         warn_once(b, 0xF0000090u + c, "ADC converts channel %u, but P%c%u is not in analogue mode",
                   (unsigned)c, pin.port, (unsigned)pin.number);
     }
+    encoder_lines_follow(b);
     return b->options.wires.pin_voltage(b->options.wires.context, pin, time_to_ps(b, b->moment));
 }
 

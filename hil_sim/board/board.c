@@ -278,6 +278,7 @@ void board_run_until(struct board *board, uint64_t time_ps)
     cpu_update_break(board);
     const enum board_phase before = board_enter(board, BOARD_CODE);
     cpu_run(board);
+    encoder_lines_follow(board);
     board_enter(board, before);
 }
 

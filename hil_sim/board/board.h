@@ -33,7 +33,10 @@ struct board_wires {
     void (*pin_driven)(void *context, struct board_pin pin, double duty, uint64_t time_ps);
     /* Position of an encoder wired with board_wire_encoder, in quadrature counts (x4). */
     int64_t (*encoder_position)(void *context, int encoder, uint64_t time_ps);
-    /* A later time before which that position cannot change; it may change there. */
+    /* Which of its lines are at the wrong level at that time, as by a disturbance: A bit 0, B bit 1. May be
+     * NULL. */
+    uint8_t (*encoder_noise)(void *context, int encoder, uint64_t time_ps);
+    /* A later time before which neither can change; they may change there. */
     uint64_t (*encoder_quiet_until)(void *context, int encoder, uint64_t time_ps);
     /* Voltage at an analogue pin. */
     double (*pin_voltage)(void *context, struct board_pin pin, uint64_t time_ps);
@@ -66,6 +69,9 @@ bool board_flash(struct board *board, uint32_t address, const uint8_t *data, siz
 void board_watch_pin(struct board *board, struct board_pin pin);
 /* Wires encoder (0..3) with phase A to one pin and phase B to another. */
 void board_wire_encoder(struct board *board, int encoder, struct board_pin a, struct board_pin b);
+/* What encoder_quiet_until has said of this encoder does not hold any more. Noisy: encoder_noise may answer
+ * other than 0 from now on. */
+void board_encoder_disturbed(struct board *board, int encoder, bool noisy);
 
 /* What is wired to a pin: low, high, or nothing, in which case its pull resistor decides. */
 enum board_level { BOARD_OPEN, BOARD_LOW, BOARD_HIGH };

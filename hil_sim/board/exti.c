@@ -1,11 +1,10 @@
 /* External interrupts: edges at the pins of wired encoders, of the voltage detector, and by software; RM0090
  * section 12.2.
  *
- * Pins are not polled. The wires report until when an encoder cannot change; an event is set for that time,
- * and only for lines that would interrupt. Every other access to the unit updates it first. */
+ * Edges are taken in when the unit is accessed. */
 #include "machine.h"
 
-enum { MODE_OUTPUT = 1, MODE_ANALOG = 3, PHASES = 2, STATES = 4, LINES = 16 };
+enum { MODE_OUTPUT = 1, MODE_ANALOG = 3, LINES = 16 };
 
 static unsigned irq_of(unsigned line)
 {
@@ -33,68 +32,27 @@ static uint32_t line_of(const struct board *b, struct board_pin pin)
     return chosen == port && mode != MODE_OUTPUT && mode != MODE_ANALOG ? 1u << pin.number : 0;
 }
 
-static int64_t position_of(struct board *b, int encoder)
+/* An edge at a pin. */
+void exti_pin_edge(struct board *b, struct board_pin pin, bool rises)
 {
-    return b->options.wires.encoder_position(b->options.wires.context, encoder, time_to_ps(b, b->moment));
-}
-
-/* Takes in the edges between the last position and the present one; beyond a whole period they repeat. */
-static void follow(struct board *b, int encoder)
-{
-    const struct wired_encoder *w = &b->encoder[encoder];
-    struct exti *e = &b->exti;
-    const uint64_t rests_until = b->events[EVENT_EXTI0 + encoder].at;
-    if (rests_until != NEVER && b->moment < rests_until) {
-        return;
-    }
-    int64_t now = position_of(b, encoder);
-    int64_t at = e->seen[encoder];
-    int64_t step = now > at ? 1 : -1;
-    e->seen[encoder] = now;
-    for (int n = 0; n < STATES && at != now; n++, at += step) {
-        for (int phase = 0; phase < PHASES; phase++) {
-            bool before = phase_level(at, phase == 1);
-            bool after = phase_level(at + step, phase == 1);
-            if (before != after) {
-                e->pr |= line_of(b, phase == 0 ? w->a : w->b) & (after ? e->rtsr : e->ftsr);
-            }
-        }
+    const uint32_t line = line_of(b, pin) & (rises ? b->exti.rtsr : b->exti.ftsr);
+    if (line != 0) {
+        b->exti.pr |= line;
+        update_lines(b);
     }
 }
 
 void exti_sync(struct board *b)
 {
-    for (int i = 0; i < ENCODERS; i++) {
-        if (b->encoder[i].wired && b->options.wires.encoder_position != NULL) {
-            follow(b, i);
-        }
-    }
+    encoder_lines_follow(b);
     update_lines(b);
 }
 
-/* Sets an event for every encoder one of whose next edges would interrupt. */
-void exti_schedule(struct board *b)
+/* Whether the next edge of an encoder would interrupt. */
+bool exti_awaits(const struct board *b, const struct wired_encoder *w)
 {
-    const struct board_wires *wires = &b->options.wires;
-    uint32_t awaited = b->exti.imr & (b->exti.rtsr | b->exti.ftsr) & ~b->exti.pr;
-    for (int i = 0; i < ENCODERS; i++) {
-        const struct wired_encoder *w = &b->encoder[i];
-        const unsigned id = EVENT_EXTI0 + (unsigned)i;
-        bool waits = w->wired && wires->encoder_quiet_until != NULL &&
-                     ((line_of(b, w->a) | line_of(b, w->b)) & awaited) != 0;
-        if (!waits) {
-            event_cancel(b, id);
-        } else if (b->events[id].at == NEVER) {
-            event_at_ps(b, id, wires->encoder_quiet_until(wires->context, i, time_to_ps(b, b->moment)));
-        }
-    }
-}
-
-void exti_event(struct board *b, int encoder)
-{
-    follow(b, encoder);
-    update_lines(b);
-    exti_schedule(b);
+    const uint32_t awaited = b->exti.imr & (b->exti.rtsr | b->exti.ftsr) & ~b->exti.pr;
+    return awaited != 0 && ((line_of(b, w->a) | line_of(b, w->b)) & awaited) != 0;
 }
 
 /* An edge of a line that no pin drives. */
@@ -108,7 +66,8 @@ void exti_edge(struct board *b, uint32_t line, bool rises)
 void exti_reset(struct board *b)
 {
     b->exti = (struct exti){0};
-    exti_schedule(b);
+    encoder_lines_begin(b);
+    encoder_lines_schedule(b);
 }
 
 static void note_unwatched(struct board *b)
@@ -137,6 +96,7 @@ bool exti_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
         *store[offset / 4] = write ? *value & 0x7FFFFFu : *store[offset / 4];
         *value = *store[offset / 4];
         note_unwatched(b);
+        encoder_lines_begin(b);
     } else if (offset == 0x10) {
         e->pr |= write ? *value & e->imr : 0;
         *value = 0;
@@ -146,7 +106,7 @@ bool exti_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
     }
     if (write) {
         update_lines(b);
-        exti_schedule(b);
+        encoder_lines_schedule(b);
     }
     return true;
 }

@@ -118,6 +118,7 @@ void pins_update(struct board *b)
             memcpy(&bits, &duty, sizeof bits);
             trace_add(b, TRACE_PIN, (uint32_t)w->pin.port << 8 | w->pin.number, bits);
             if (b->options.wires.pin_driven != NULL) {
+                encoder_lines_follow(b);
                 b->options.wires.pin_driven(b->options.wires.context, w->pin, duty, time_to_ps(b, b->moment));
             }
         }
@@ -131,31 +132,39 @@ bool phase_level(int64_t position, bool is_b)
     return is_b ? state >= 2 : state == 1 || state == 2;
 }
 
-static uint32_t input(struct board *b, int port)
+/* Level of a pin that no encoder is wired to. */
+static bool steady_level(const struct board *b, int port, uint32_t pin)
 {
     const struct gpio *g = &b->gpio[port];
+    uint32_t mode = g->moder >> (2 * pin) & 3u;
+    uint32_t pull = g->pupdr >> (2 * pin) & 3u;
+    if (mode == MODE_OUTPUT) {
+        return (g->odr >> pin & 1u) != 0;
+    }
+    if (mode != MODE_ANALOG && b->pin_in[port][pin] != BOARD_OPEN) {
+        return b->pin_in[port][pin] == BOARD_HIGH;
+    }
+    return pull == 1 && mode != MODE_ANALOG;
+}
+
+static uint32_t input(struct board *b, int port)
+{
     uint32_t levels = 0;
     for (uint32_t i = 0; i < 16; i++) {
-        uint32_t mode = g->moder >> (2 * i) & 3u;
-        uint32_t pull = g->pupdr >> (2 * i) & 3u;
-        uint32_t level = mode == MODE_OUTPUT ? g->odr >> i & 1u : pull == 1 && mode != MODE_ANALOG;
-        if (mode != MODE_OUTPUT && mode != MODE_ANALOG && b->pin_in[port][i] != BOARD_OPEN) {
-            level = b->pin_in[port][i] == BOARD_HIGH;
-        }
-        levels |= level << i;
+        levels |= (uint32_t)steady_level(b, port, i) << i;
     }
     for (int e = 0; e < ENCODERS; e++) {
         const struct wired_encoder *w = &b->encoder[e];
         if (!w->wired || (w->a.port != 'A' + port && w->b.port != 'A' + port)) {
             continue;
         }
-        int64_t position =
-            b->options.wires.encoder_position(b->options.wires.context, e, time_to_ps(b, b->moment));
+        encoder_lines_follow(b);
+        const uint8_t encoder = encoder_levels(b, e);
         for (int phase = 0; phase < 2; phase++) {
             struct board_pin pin = phase == 0 ? w->a : w->b;
             if (pin.port == 'A' + port && mode_of(b, pin) != MODE_OUTPUT) {
                 uint32_t mask = 1u << pin.number;
-                levels = phase_level(position, phase == 1) ? levels | mask : levels & ~mask;
+                levels = (encoder >> phase & 1u) != 0 ? levels | mask : levels & ~mask;
             }
         }
     }
@@ -168,7 +177,7 @@ bool break_level(struct board *b, int timer)
     for (size_t i = 0; i < ROUTES; i++) {
         const struct route *r = &routes[i];
         if (r->signal == SIGNAL_BREAK && r->instance == timer && routed(b, r)) {
-            return (input(b, r->port - 'A') >> r->pin & 1u) != 0;
+            return steady_level(b, r->port - 'A', r->pin);
         }
     }
     return false;
@@ -222,10 +231,10 @@ bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_
     *store[offset / 4] = offset == 0x14 || offset == 0x04 ? *value & 0xFFFFu : *value;
     if (offset >= 0x20 || offset == 0x00) { /* a pin may have become, or ceased to be, an encoder's input */
         for (int timer = 1; timer <= TIMERS; timer++) {
-            timer_encoder_sync(b, timer);
+            timer_route_encoder(b, timer);
         }
         find_line_pins(b);
-        exti_schedule(b);
+        encoder_lines_schedule(b);
     }
     timer_break_update(b, 1);
     timer_break_update(b, 8);
@@ -243,6 +252,16 @@ void board_watch_pin(struct board *board, struct board_pin pin)
 void board_wire_encoder(struct board *board, int encoder, struct board_pin a, struct board_pin b)
 {
     if (encoder >= 0 && encoder < ENCODERS) {
-        board->encoder[encoder] = (struct wired_encoder){a, b, true};
+        board->encoder[encoder] = (struct wired_encoder){.a = a, .b = b, .wired = true};
+    }
+}
+
+/* Asks the wires anew, at the next event or access. */
+void board_encoder_disturbed(struct board *board, int encoder, bool noisy)
+{
+    if (encoder >= 0 && encoder < ENCODERS) {
+        board->encoder[encoder].noisy = noisy;
+        board->encoder[encoder].change_ps = time_to_ps(board, board->moment);
+        encoder_lines_schedule(board);
     }
 }

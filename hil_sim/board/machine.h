@@ -78,8 +78,8 @@ enum event_id {
     EVENT_USART_RX0 = EVENT_USART_TX0 + USARTS,
     EVENT_USART_IDLE0 = EVENT_USART_RX0 + USARTS,
     EVENT_ADC0 = EVENT_USART_IDLE0 + USARTS,
-    EVENT_EXTI0 = EVENT_ADC0 + ADCS, /* one for each encoder */
-    EVENT_CAN = EVENT_EXTI0 + ENCODERS,
+    EVENT_ENCODER0 = EVENT_ADC0 + ADCS, /* one for each encoder */
+    EVENT_CAN = EVENT_ENCODER0 + ENCODERS,
     EVENT_CAN_JOIN,
     EVENTS
 };
@@ -149,12 +149,15 @@ struct gpio {
 struct timer {
     uint32_t cr1, cr2, smcr, dier, sr, ccmr[2], ccer, psc, arr, rcr, ccr[4], bdtr, dcr, option;
     uint32_t psc_active, arr_active, ccr_active[4];
-    uint64_t origin;      /* cycle at which the counter stood at `from` */
-    uint32_t from;        /* position within the counting period, in ticks */
-    uint32_t repeats;     /* overflows left until the next update event */
-    int encoder_source;   /* 0 none, +n encoder n, -n with its phases swapped */
-    int64_t encoder_seen; /* position that the counter already took in */
+    uint64_t origin;    /* cycle at which the counter stood at `from` */
+    uint32_t from;      /* position within the counting period, in ticks */
+    uint32_t repeats;   /* overflows left until the next update event */
+    int encoder_source; /* at channels 1 and 2: 0 none, +n encoder n, -n with its phases swapped */
     bool down;
+    struct timer_input {
+        bool level, passed; /* at the pin, and behind the filter */
+        uint64_t due_ps;    /* when a level that differs will have passed */
+    } input[2];
 };
 
 struct usart {
@@ -214,7 +217,6 @@ struct iwdg {
 
 struct exti {
     uint32_t imr, emr, rtsr, ftsr, pr;
-    int64_t seen[ENCODERS]; /* position up to which edges are taken in */
 };
 
 /* A stretch of code that runs without a branch in between, as the CPU engine translated it. */
@@ -326,8 +328,13 @@ struct board {
     size_t watched_count;
     struct wired_encoder {
         struct board_pin a, b;
-        bool wired;
+        bool wired, noisy;
+        int64_t position;   /* up to which its edges are taken in */
+        uint8_t levels;     /* of its lines, A and B from bit 0 */
+        uint64_t change_ps; /* before which these cannot change */
     } encoder[ENCODERS];
+    uint32_t encoder_timers; /* one bit for each timer that counts an encoder */
+    bool encoders_followed;
 
     /* accounting */
     uint64_t trace[2], trace_count, power_cycles;
@@ -431,9 +438,19 @@ void timer_sync(struct board *b, int timer);
 void timer_schedule(struct board *b, int timer);
 void timer_event(struct board *b, int timer);
 double timer_output(struct board *b, int timer, int channel);
-void timer_encoder_start(struct board *b, int timer);
-void timer_encoder_sync(struct board *b, int timer);
+bool timer_only_counts(const struct board *b);
 bool timer_is_encoder(const struct board *b, int timer);
+void timer_route_encoder(struct board *b, int timer);
+void timer_line_edge(struct board *b, int encoder, int phase, bool high, uint64_t time_ps);
+void timer_disc_turned(struct board *b, int encoder, int64_t counts);
+void timer_inputs_pass(struct board *b, uint64_t time_ps);
+uint64_t timer_inputs_await(const struct board *b, int encoder, uint64_t change_ps);
+void timer_update_line(struct board *b, int timer);
+uint8_t encoder_levels(struct board *b, int encoder);
+void encoder_lines_begin(struct board *b);
+void encoder_lines_follow(struct board *b);
+void encoder_lines_schedule(struct board *b);
+void encoder_lines_event(struct board *b);
 bool usart_access(struct board *b, int usart, uint32_t offset, bool write, uint32_t *value);
 void usart_reset(struct board *b, int usart);
 void usart_tx_event(struct board *b, int usart);
@@ -460,10 +477,10 @@ bool rng_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 bool exti_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 void exti_reset(struct board *b);
 void exti_sync(struct board *b);
-void exti_schedule(struct board *b);
-void exti_event(struct board *b, int encoder);
+bool exti_awaits(const struct board *b, const struct wired_encoder *encoder);
 bool syscfg_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 void exti_edge(struct board *b, uint32_t line, bool rises);
+void exti_pin_edge(struct board *b, struct board_pin pin, bool rises);
 void board_hold(struct board *b);
 void board_release(struct board *b, bool sram_lost, bool powered_down);
 void supply_follow(struct board *b);

@@ -15,7 +15,7 @@ bool syscfg_access(struct board *b, uint32_t offset, bool write, uint32_t *value
     if (write) {
         exti_sync(b); /* EXTICR chooses the pins whose edges count */
         *store[offset / 4] = *value;
-        exti_schedule(b);
+        encoder_lines_schedule(b);
     }
     *value = *store[offset / 4];
     return true;

@@ -135,10 +135,10 @@ static void dispatch(struct board *b, unsigned id)
         can_event(b);
     } else if (id == EVENT_CAN_JOIN) {
         can_join_event(b);
-    } else if (id < EVENT_EXTI0) {
+    } else if (id < EVENT_ENCODER0) {
         adc_event(b, (int)(id - EVENT_ADC0) + 1);
     } else {
-        exti_event(b, (int)(id - EVENT_EXTI0));
+        encoder_lines_event(b);
     }
 }
 

@@ -2,7 +2,7 @@
 #include "machine.h"
 
 enum { CEN = 1 << 0, UDIS = 1 << 1, URS = 1 << 2, OPM = 1 << 3, DIR = 1 << 4, CMS = 3 << 5, ARPE = 1 << 7 };
-enum { UIF = 1 << 0, UIE = 1 << 0, UG = 1 << 0 };
+enum { UIF = 1 << 0, CCIF = 0xF << 1, UIE = 1 << 0, UG = 1 << 0 };
 
 static bool wide(int timer)
 {
@@ -71,18 +71,20 @@ static bool shadows_differ(const struct timer *t)
     return differ;
 }
 
-/* Update interrupt: TIM1 and TIM8 share theirs with TIM10 and TIM13 (RM0090 table 62). */
-static void update_line(struct board *b, int timer)
+/* Interrupts: TIM1 and TIM8 share that of their updates with TIM10 and TIM13, the others have one for update,
+ * captures and matches (RM0090 table 62). */
+void timer_update_line(struct board *b, int timer)
 {
     static const uint8_t irq[TIMERS + 1] = {0, 25, 28, 29, 30, 50, 54, 55, 44, 24, 25, 26, 43, 44, 45};
     const struct timer *t = &b->timer[timer];
-    nvic_set_line(b, irq[timer], (t->sr & t->dier & UIF) != 0);
+    const uint32_t own = timer >= 2 && timer <= 5 ? UIF | CCIF : UIF;
+    nvic_set_line(b, irq[timer], (t->sr & t->dier & own) != 0);
 }
 
 static void raise_update(struct board *b, int timer)
 {
     b->timer[timer].sr |= UIF;
-    update_line(b, timer);
+    timer_update_line(b, timer);
 }
 
 /* Brings the counter to the present moment. Overflows that no event was set for only leave their flag. */
@@ -90,7 +92,7 @@ void timer_sync(struct board *b, int timer)
 {
     struct timer *t = &b->timer[timer];
     if (timer_is_encoder(b, timer)) {
-        timer_encoder_sync(b, timer);
+        encoder_lines_follow(b);
         return;
     }
     if ((t->cr1 & CEN) == 0) {
@@ -150,8 +152,10 @@ void timer_event(struct board *b, int timer)
 void timer_reset(struct board *b, int timer)
 {
     b->timer[timer] = (struct timer){.arr = mask(timer), .arr_active = mask(timer), .origin = b->moment};
+    b->encoder_timers &= ~(1u << timer);
+    encoder_lines_begin(b);
     event_cancel(b, EVENT_TIMER0 + (unsigned)timer - 1);
-    update_line(b, timer);
+    timer_update_line(b, timer);
     pins_update(b);
 }
 
@@ -168,12 +172,28 @@ static void generate(struct board *b, int timer)
     }
 }
 
+/* A capture register is read-only (RM0090 18.4.13). */
 static void write_compare(struct timer *t, int timer, uint32_t channel, uint32_t value)
 {
+    if ((t->ccmr[channel / 2] >> (8 * (channel % 2)) & 3u) != 0) {
+        return;
+    }
     uint32_t preload = t->ccmr[channel / 2] >> (8 * (channel % 2) + 3) & 1u;
     t->ccr[channel] = value & mask(timer);
     if (preload == 0) {
         t->ccr_active[channel] = t->ccr[channel];
+    }
+}
+
+static void note_inputs(struct board *b, int timer)
+{
+    const struct timer *t = &b->timer[timer];
+    for (int channel = 0; channel < 4; channel++) {
+        const uint32_t mode = t->ccmr[channel / 2] >> (8 * (channel % 2)) & 0xFFu;
+        if ((mode & 3u) == 2 || ((mode & 3u) != 0 && (mode & 0xCu) != 0)) {
+            warn_once(b, 0xF0000040u + (uint32_t)timer, "TIM%d captures the other input, or every few edges",
+                      timer);
+        }
     }
 }
 
@@ -193,16 +213,18 @@ static void write_register(struct board *b, int timer, uint32_t offset, uint32_t
         break;
     case 0x08:
         t->smcr = value;
-        if ((value & 7u) > 3) {
-            warn_once(b, 0xF0000020u + (uint32_t)timer, "TIM%d slave mode %u is not modelled", timer,
-                      (unsigned)value & 7u);
+        if ((value & 7u) > 3 || (value & 0x70u) > 0x30u) {
+            warn_once(b, 0xF0000020u + (uint32_t)timer, "TIM%d slave mode or trigger %x is not modelled",
+                      timer, (unsigned)value & 0x77u);
         }
         break;
     case 0x0C:
         t->dier = value;
-        if ((value & ~(uint32_t)UIE) != 0) {
-            warn_once(b, 0xF0000030u + (uint32_t)timer, "TIM%d interrupts other than update are not modelled",
-                      timer);
+        if ((value & ~(uint32_t)(was_encoder && timer <= 5 && timer >= 2 ? UIE | CCIF : UIE)) != 0) {
+            warn_once(
+                b, 0xF0000030u + (uint32_t)timer,
+                "TIM%d requests other than update, or captures and matches of an encoder, are not modelled",
+                timer);
         }
         break;
     case 0x10:
@@ -216,6 +238,9 @@ static void write_register(struct board *b, int timer, uint32_t offset, uint32_t
     case 0x18:
     case 0x1C:
         t->ccmr[(offset - 0x18) / 4] = value;
+        if (timer != 11) { /* clock_capture.c */
+            note_inputs(b, timer);
+        }
         break;
     case 0x20:
         t->ccer = value;
@@ -250,7 +275,12 @@ static void write_register(struct board *b, int timer, uint32_t offset, uint32_t
     }
     if (!was_encoder && timer_is_encoder(b, timer)) {
         t->from = count;
-        timer_encoder_start(b, timer);
+    }
+    if (offset == 0x08) {
+        timer_route_encoder(b, timer);
+    }
+    if (t->encoder_source != 0 && (offset == 0x08 || offset == 0x0C || offset == 0x10)) {
+        encoder_lines_schedule(b);
     }
     if (has_break(timer)) {
         timer_break_update(b, timer);
@@ -258,7 +288,7 @@ static void write_register(struct board *b, int timer, uint32_t offset, uint32_t
     if (timer == 11) {
         clock_capture_sync(b);
     }
-    update_line(b, timer);
+    timer_update_line(b, timer);
     timer_schedule(b, timer);
     pins_update(b);
 }
@@ -289,8 +319,13 @@ static uint32_t read_register(struct board *b, int timer, uint32_t offset)
         }
         return count_of(t, t->from);
     }
-    if (timer == 11 && offset == 0x34 && (t->ccmr[0] & 3u) != 0) {
-        t->sr &= ~2u; /* reading what was captured clears CC1IF */
+    if (offset >= 0x34 && offset <= 0x40) {
+        const uint32_t channel = (offset - 0x34) / 4;
+        timer_sync(b, timer);
+        if ((t->ccmr[channel / 2] >> (8 * (channel % 2)) & 3u) != 0) {
+            t->sr &= ~(2u << channel); /* reading a capture clears its flag */
+        }
+        return t->ccr[channel];
     }
     return plain[offset / 4];
 }

@@ -22,6 +22,18 @@ enum rig_encoder_fault {
     RIG_ENCODER_PHASE_B    /* phase B dropped: only A toggles */
 };
 
+/* What the wires of an encoder pick up, and what its transistors and their pull-ups make of an edge. All
+ * zero: nothing. */
+struct rig_encoder_noise {
+    uint32_t
+        period_us; /* bursts of pulses come this often, the first at `first_us` of virtual time; 0: never */
+    uint32_t first_us;
+    uint32_t burst_us;  /* and last this long, */
+    uint32_t pulse_ns;  /* pulses of this width and as much between them, in turn on phase A and phase B */
+    uint32_t rise_ns;   /* a line takes this long to rise through the threshold of its input, */
+    uint32_t bounce_ns; /* and wavers there with pulses of this width; 0: it rises once, at the end */
+};
+
 struct rig;
 
 /* Robot NULL: none is connected (encoders rest, battery terminals dead unless battery_v says otherwise).
@@ -68,6 +80,8 @@ void rig_wire_driver_enable(struct rig *rig, bool wired);
 
 /* Faults. Each acts from the present time until it is removed. */
 void rig_encoder_fault(struct rig *rig, int wheel, enum rig_encoder_fault fault);
+/* False: a burst longer than its period, or pulses of no width. */
+bool rig_encoder_noise(struct rig *rig, int wheel, const struct rig_encoder_noise *noise);
 void rig_swap_motors(struct rig *rig, bool swapped); /* each bridge drives the other wheel's motor */
 void rig_motor_connected(struct rig *rig, int wheel, bool connected);
 void rig_turn_wheel(struct rig *rig, int wheel, double angle_rad); /* by hand, with the robot lifted */

@@ -63,6 +63,28 @@ class EncoderFault(enum.IntEnum):
     PHASE_B_DROPPED = _CONSTANTS["RIG_ENCODER_PHASE_B"]
 
 
+@native.mirror("rig_encoder_noise")
+@dataclass(frozen=True)
+class EncoderNoise:
+    """What the wires of an encoder pick up, and how slowly its lines rise; all zero: nothing.
+
+    Attributes
+    ----------
+    period_us, first_us, burst_us : bursts of pulses come this often, the first at this virtual time, and
+        last so long.
+    pulse_ns : pulses of this width and as much between them, in turn on phase A and phase B.
+    rise_ns : a line takes this long to rise through its input's threshold...
+    bounce_ns : ...and wavers there with pulses of this width; 0: it rises once, at the end.
+    """
+
+    period_us: int = 0
+    first_us: int = 0
+    burst_us: int = 0
+    pulse_ns: int = 0
+    rise_ns: int = 0
+    bounce_ns: int = 0
+
+
 class Phase(enum.IntEnum):
     """What a virtual board's process is busy with."""
 
@@ -346,6 +368,16 @@ class VirtualRobot(Simulated):
     def set_encoder_fault(self, wheel: int, fault: EncoderFault) -> None:
         """Break (or mend) an encoder; the counts themselves do not jump."""
         self._library.rig_encoder_fault(self._rig, wheel, int(fault))
+
+    def set_encoder_noise(self, wheel: int, noise: EncoderNoise) -> None:
+        """Disturb an encoder's lines, or leave them alone (`EncoderNoise()`).
+
+        Raises
+        ------
+        ValueError : a burst longer than its period, or pulses of no width.
+        """
+        if not self._library.rig_encoder_noise(self._rig, wheel, ctypes.byref(native.to_struct(noise))):
+            raise ValueError(f"no noise of an encoder: {noise}")
 
     def set_motors_swapped(self, swapped: bool) -> None:
         """Connect each bridge to the other wheel's motor."""

@@ -27,9 +27,11 @@ void irq0(void) __attribute__((weak, alias("hang")));
 void irq1(void) __attribute__((weak, alias("hang")));
 void irq2(void) __attribute__((weak, alias("hang")));
 void irq3(void) __attribute__((weak, alias("hang")));
+void irq10(void) __attribute__((weak, alias("hang")));
 void irq12(void) __attribute__((weak, alias("hang")));
 void irq14(void) __attribute__((weak, alias("hang")));
 void irq25(void) __attribute__((weak, alias("hang")));
+void irq29(void) __attribute__((weak, alias("hang")));
 void irq39(void) __attribute__((weak, alias("hang")));
 
 __attribute__((section(".vectors"), used)) static void (*const vectors[16 + 82])(void) = {
@@ -53,9 +55,11 @@ __attribute__((section(".vectors"), used)) static void (*const vectors[16 + 82])
     irq1,
     irq2,
     irq3,
+    [16 + 10] = irq10,
     [16 + 12] = irq12,
     [16 + 14] = irq14,
     [16 + 25] = irq25,
+    [16 + 29] = irq29,
     [16 + 39] = irq39,
 };
 
