@@ -114,8 +114,8 @@ HANDLERS = {
     "CAN1_TX_Handler": Allowance("CAN, sent", 500, "3 us, at 1 cycle each; the shortest frame takes 47"),
     "CAN1_RX0_Handler": Allowance("CAN, received", 500, "the same; three frames wait in hardware"),
     "CAN1_SCE_Handler": Allowance("CAN, errors", 500, "the same; once each time the bus is left"),
-    "EXTI4_Handler": Allowance("edge, EXTI4", 100, "1 us, at 1.7 cycles each"),
-    "EXTI9_5_Handler": Allowance("edge, EXTI9_5", 100, "1 us, at 1.7 cycles each"),
+    "TIM3_Handler": Allowance("edge, TIM3", 100, "1 us, at 1.7 cycles each"),
+    "TIM4_Handler": Allowance("edge, TIM4", 100, "1 us, at 1.7 cycles each"),
 }
 FIRST_INTERRUPT = 16
 

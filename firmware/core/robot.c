@@ -454,6 +454,7 @@ void robot_status(const struct robot *robot, struct proto_status_reply *out)
         out->effort_e4[wheel] = robot->drive.applied_e4[wheel];
         out->counts[wheel] = robot->counts[wheel];
         out->speed_mmps[wheel] = speed_mmps(robot, wheel);
+        out->stray_edges[wheel] = robot->sample.stray_edges[wheel];
     }
     hal_critical_exit(state);
     out->x_mm = odometry_x_mm(&odometry);

@@ -16,8 +16,9 @@ struct hal_sample {
     bool edge_dated[HAL_WHEELS];
     uint32_t edge_us[HAL_WHEELS];
     int32_t edge_from[HAL_WHEELS];
-    uint16_t battery_mv; /* supply of the bridges, at the terminals, last finished conversion */
-    bool battery_valid;  /* a conversion finished within the last 100 ms */
+    uint32_t stray_edges[HAL_WHEELS]; /* edges since start-up that were dated and then taken back: noise */
+    uint16_t battery_mv;              /* supply of the bridges, at the terminals, last finished conversion */
+    bool battery_valid;               /* a conversion finished within the last 100 ms */
     bool supply_dip; /* the board's own supply is low, or was since the sample before: it brakes by itself */
     bool emergency_stop; /* the wired stop is open, or was: the bridges brake whatever hal_drive says */
 };

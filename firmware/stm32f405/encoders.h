@@ -13,16 +13,13 @@ void encoders_start(uint32_t timer_apb1_hz);
  * the next one. */
 void encoders_update(void);
 
-/* At the end of the same tick: notes the count from which the next dated edge moves. */
-void encoders_settle(void);
-
 /* Counts since start of the last update, and the edge dated before it. */
 void encoders_read(struct hal_sample *out);
 
 /* Microseconds since start-up, of the clock that dates edges. */
 uint32_t encoders_now_us(void);
 
-void EXTI4_Handler(void);
-void EXTI9_5_Handler(void);
+void TIM3_Handler(void);
+void TIM4_Handler(void);
 
 #endif

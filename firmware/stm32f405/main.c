@@ -67,7 +67,6 @@ void SysTick_Handler(void)
     usart_link_tick();
     bxcan_tick();
     blink();
-    encoders_settle();
     supply_settle();
     const bool overran = tick_overran();
     record_cost(overran);
@@ -116,7 +115,7 @@ static void start_peripheral_clocks(void)
     RCC->ahb2enr |= RCC_AHB2ENR_RNG;
     RCC->apb1enr |=
         RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM3 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_USART3 | RCC_APB1ENR_CAN1;
-    RCC->apb2enr |= RCC_APB2ENR_TIM1 | RCC_APB2ENR_TIM8 | RCC_APB2ENR_ADC1 | RCC_APB2ENR_SYSCFG;
+    RCC->apb2enr |= RCC_APB2ENR_TIM1 | RCC_APB2ENR_TIM8 | RCC_APB2ENR_ADC1;
     (void)RCC->apb2enr; /* a clock needs two cycles to arrive (ES0182); the read takes longer */
 }
 

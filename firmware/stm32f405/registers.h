@@ -121,7 +121,6 @@ _Static_assert(sizeof(struct rcc) == 0x78, "RCC_CSR lies at 0x74");
 #define RCC_APB2ENR_TIM8    (1u << 1)
 #define RCC_APB2ENR_TIM11   (1u << 18)
 #define RCC_APB2ENR_ADC1    (1u << 8)
-#define RCC_APB2ENR_SYSCFG  (1u << 14)
 #define RCC_CSR_RMVF        (1u << 24)
 
 /* Power control, section 5.4.1. The F405 has one scale bit and no over-drive. */
@@ -191,10 +190,6 @@ struct gpio {
 #define GPIOB ((struct gpio *)0x40020400u)
 #define GPIOC ((struct gpio *)0x40020800u)
 
-/* Which port's pins 4 to 7 the external interrupt lines 4 to 7 watch, section 9.2.4: four bits each. */
-#define SYSCFG_EXTICR2            (*(reg32 *)0x4001380Cu)
-#define SYSCFG_EXTICR_PORT_B(pin) (1u << (4u * ((pin) % 4u)))
-
 /* External interrupts, section 12.3; one bit for each line. */
 struct exti {
     reg32 imr;
@@ -204,10 +199,8 @@ struct exti {
     reg32 swier;
     reg32 pr;
 };
-#define EXTI        ((struct exti *)0x40013C00u)
-#define IRQ_PVD     1u
-#define IRQ_EXTI4   10u /* section 12.2, table 62 */
-#define IRQ_EXTI9_5 23u
+#define EXTI    ((struct exti *)0x40013C00u)
+#define IRQ_PVD 1u
 
 /* Timers: TIM1 in section 17.4, TIM2 to TIM4 in section 18.4 (these lack RCR and BDTR; TIM2 has 32 bits). */
 struct timer {
@@ -244,6 +237,7 @@ _Static_assert(sizeof(struct timer) == 0x54, "TIM11_OR lies at 0x50");
 #define TIM_EGR_UG          (1u << 0)
 #define TIM_CCMR_PWM1       (6u << 4) /* low byte of CCMR1/2; the high byte is the next channel */
 #define TIM_CCMR_ACTIVE     (5u << 4)
+#define TIM_CC_FLAG(ch)     (2u << (ch)) /* CCxIF in SR, CCxIE in DIER, of channel 0..3 */
 #define TIM_CCMR_PRELOAD    (1u << 3)
 #define TIM_CCMR_INPUT      (1u << 0) /* channel is an input from its own pin */
 #define TIM_CCMR_FILTER(f)  ((uint32_t)(f) << 4)
@@ -257,6 +251,8 @@ _Static_assert(sizeof(struct timer) == 0x54, "TIM11_OR lies at 0x50");
 #define TIM_SR_CC1IF        (1u << 1)
 #define TIM_SR_CC1OF        (1u << 9) /* a capture came while the last one was not read */
 #define TIM11_OR_HSE_RTC    (2u << 0) /* channel 1 is the crystal over RTCPRE */
+#define IRQ_TIM3            29u       /* section 12.2, table 62 */
+#define IRQ_TIM4            30u
 #define TIM_SR_BIF          (1u << 7) /* there was a break; cleared by writing 0 once the input is quiet */
 
 /* Serial port, section 30.6. */

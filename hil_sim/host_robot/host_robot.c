@@ -21,22 +21,22 @@ enum {
 };
 
 /* When the image acts on the virtual board, in microseconds after SysTick has wrapped: it reads the counters,
- * converts the battery's voltage, and has ended the tick's work. An edge is dated LATE_US after it came. When
+ * and converts the battery's voltage. An edge is dated `late_us` after it has passed its input's filter. When
  * the first tick comes, and how its efforts meet the PWM period, depends on how long the image takes to
  * start: these are the usual values; a comparison with a board reads them from the board. */
-static const double read_lag_us = 0.53;
+static const double read_lag_us = 0.333;
 static const double convert_lag_us = 24.7;
-static const double settle_lag_us = 30.5;
-static const double late_us = 0.3;
+static const double late_us = 0.12;
+/* A level counts once it has held for eight samples at 21 / 8 MHz. */
+static const double filter_us = 64.0 / 21.0;
 static const double usual_first_tick_us = 14638.07;
 static const double usual_drive_lag_us = 50.9;
 
-/* The first edge of a wheel since the tick, as the board's external interrupts date it. */
+/* The first edge of a wheel since the tick, as the board's timers date it. */
 struct edge_watch {
-    int64_t watched; /* count at the beginning of the watch */
-    bool taken, settled, unclear;
+    int64_t from; /* count of the tick */
+    bool taken;
     double taken_us;
-    int64_t from;
 };
 
 struct host_robot {
@@ -45,8 +45,8 @@ struct host_robot {
     struct plant *plant;
     uint64_t plant_steps;
     uint64_t time_us;
-    uint64_t next_tick_us;             /* the plant step in which the counters are read */
-    double read_us, settle_us;         /* after that step */
+    uint64_t next_tick_us;             /* the plant step whose counts the tick reads */
+    double read_us;                    /* after that step; they have passed the filter then */
     uint64_t convert_step, drive_step; /* after that step; a new duty holds from the step under way */
     uint32_t ticks;
     uint16_t converted_mv;
@@ -89,10 +89,10 @@ void host_robot_destroy(struct host_robot *robot)
 void host_robot_set_phases(struct host_robot *robot, double first_tick_us, double drive_lag_us)
 {
     const double step_us = PLANT_STEP_US;
-    robot->next_tick_us = (uint64_t)((first_tick_us + read_lag_us) / step_us) * PLANT_STEP_US;
+    const double seen_us = first_tick_us + read_lag_us - filter_us;
+    robot->next_tick_us = (uint64_t)(seen_us / step_us) * PLANT_STEP_US;
     const double tick_us = first_tick_us - (double)robot->next_tick_us;
-    robot->read_us = tick_us + read_lag_us;
-    robot->settle_us = tick_us + settle_lag_us;
+    robot->read_us = seen_us - (double)robot->next_tick_us;
     robot->convert_step = (uint64_t)((tick_us + convert_lag_us) / step_us);
     robot->drive_step = (uint64_t)((tick_us + drive_lag_us) / step_us);
 }
@@ -124,28 +124,18 @@ static int64_t count_at(const struct host_robot *robot, int wheel, double since_
 static void watch_stretch(struct host_robot *robot, int wheel, double from_us, double to_us)
 {
     struct edge_watch *watch = &robot->watch[wheel];
-    if (watch->taken || count_at(robot, wheel, to_us) == watch->watched) {
+    if (watch->taken || count_at(robot, wheel, to_us) == watch->from) {
         return;
     }
     double before_us = from_us;
     double after_us = to_us;
     while (after_us - before_us > 0.001) {
         const double middle_us = 0.5 * (before_us + after_us);
-        const bool passed = count_at(robot, wheel, middle_us) != watch->watched;
+        const bool passed = count_at(robot, wheel, middle_us) != watch->from;
         *(passed ? &after_us : &before_us) = middle_us;
     }
     watch->taken = true;
-    watch->taken_us = (double)(robot->plant_steps * PLANT_STEP_US) + after_us + late_us;
-}
-
-/* The tick has ended: which count the edge leaves is known from here on (encoders_settle of the board). */
-static void settle(struct host_robot *robot, int wheel, double since_step_us)
-{
-    struct edge_watch *watch = &robot->watch[wheel];
-    const int64_t moved = count_at(robot, wheel, since_step_us) - watch->watched;
-    watch->from = watch->taken ? watch->watched : watch->watched + moved;
-    watch->unclear = watch->taken && (moved > 1 || moved < -1);
-    watch->settled = true;
+    watch->taken_us = (double)(robot->plant_steps * PLANT_STEP_US) + after_us + filter_us + late_us;
 }
 
 /* One plant step, with the search for edges that are awaited. */
@@ -153,22 +143,15 @@ static void advance_step(struct host_robot *robot, double until_us)
 {
     plant_advance(robot->plant, 1);
     robot->plant_steps++;
-    const double settled_us = robot->settle_us - PLANT_STEP_US;
     for (int wheel = 0; wheel < PLANT_WHEELS; wheel++) {
-        if (robot->watch[wheel].settled) {
-            watch_stretch(robot, wheel, 0.0, until_us);
-        } else {
-            watch_stretch(robot, wheel, 0.0, settled_us);
-            settle(robot, wheel, settled_us);
-            watch_stretch(robot, wheel, settled_us, until_us);
-        }
+        watch_stretch(robot, wheel, 0.0, until_us);
     }
 }
 
 static void advance_to(struct host_robot *robot, uint64_t steps)
 {
     while (robot->plant_steps < steps) {
-        if (robot->watch[0].taken && robot->watch[1].taken && robot->watch[0].settled) {
+        if (robot->watch[0].taken && robot->watch[1].taken) {
             plant_advance(robot->plant, steps - robot->plant_steps);
             robot->plant_steps = steps;
             return;
@@ -182,31 +165,19 @@ static void sense(struct host_robot *robot)
     struct hal_sample *sample = &robot->board.sample;
     for (int wheel = 0; wheel < PLANT_WHEELS; wheel++) {
         struct edge_watch *watch = &robot->watch[wheel];
-        sample->counts[wheel] = (int32_t)count_at(robot, wheel, robot->read_us);
-        sample->edge_dated[wheel] = watch->taken && watch->settled && !watch->unclear;
+        const int64_t count = count_at(robot, wheel, robot->read_us);
+        sample->counts[wheel] = (int32_t)count;
+        sample->edge_dated[wheel] = watch->taken && count != watch->from;
         sample->edge_us[wheel] = (uint32_t)(uint64_t)watch->taken_us;
         sample->edge_from[wheel] = (int32_t)watch->from;
-        *watch = (struct edge_watch){.watched = sample->counts[wheel]};
+        *watch = (struct edge_watch){.from = count};
     }
     /* hal_sense adds the tick that has passed. */
-    sample->now_us = (uint32_t)(robot->next_tick_us + (uint64_t)robot->read_us) - HAL_HOST_TICK_US;
+    sample->now_us =
+        (uint32_t)(uint64_t)((double)robot->next_tick_us + robot->read_us + filter_us) - HAL_HOST_TICK_US;
     robot->ticks++;
     sample->battery_valid = robot->ticks >= BATTERY_VALID_TICKS;
     sample->battery_mv = sample->battery_valid ? robot->converted_mv : 0;
-}
-
-/* From the reading of the counters to the end of the last step. */
-static void watch_rest_of_step(struct host_robot *robot)
-{
-    for (int wheel = 0; wheel < PLANT_WHEELS; wheel++) {
-        double from_us = robot->read_us;
-        if (robot->settle_us < PLANT_STEP_US) {
-            watch_stretch(robot, wheel, from_us, robot->settle_us);
-            settle(robot, wheel, robot->settle_us);
-            from_us = robot->settle_us;
-        }
-        watch_stretch(robot, wheel, from_us, PLANT_STEP_US);
-    }
 }
 
 static void tick(struct host_robot *robot)
@@ -217,7 +188,9 @@ static void tick(struct host_robot *robot)
     const int16_t before[HAL_WHEELS] = {robot->board.effort_e4[0], robot->board.effort_e4[1]};
     controller_tick(&robot->controller);
     controller_poll(&robot->controller);
-    watch_rest_of_step(robot);
+    for (int wheel = 0; wheel < PLANT_WHEELS; wheel++) {
+        watch_stretch(robot, wheel, robot->read_us, PLANT_STEP_US);
+    }
     for (uint64_t i = 0; i <= robot->convert_step || i <= robot->drive_step; i++) {
         if (i > 0) {
             advance_step(robot, PLANT_STEP_US);

@@ -266,6 +266,9 @@ size_t proto_status_reply_encode(const struct proto_status_reply *from, uint8_t 
     put_i32(out + 38, from->y_mm);
     put_i32(out + 42, from->theta_e4);
     put_u32(out + 46, from->frames_dropped);
+    for (size_t i = 0; i < 2; i++) {
+        put_u32(out + 50 + i * 4, from->stray_edges[i]);
+    }
     return PROTO_STATUS_REPLY_SIZE;
 }
 
@@ -294,6 +297,9 @@ bool proto_status_reply_decode(struct proto_status_reply *to, const uint8_t *in,
     to->y_mm = get_i32(in + 38);
     to->theta_e4 = get_i32(in + 42);
     to->frames_dropped = get_u32(in + 46);
+    for (size_t i = 0; i < 2; i++) {
+        to->stray_edges[i] = get_u32(in + 50 + i * 4);
+    }
     return true;
 }
 

@@ -20,7 +20,7 @@
 #define PROTO_CAN_ANNOUNCE_BASE 0x680u /* its CAN id is this plus the node */
 #define PROTO_CAN_STATUS_BASE 0x6c0u /* its CAN id is this plus the node */
 #define PROTO_CAN_MOTION_BASE 0x700u /* its CAN id is this plus the node */
-#define PROTO_SCHEMA_HASH 0x15b6663bu
+#define PROTO_SCHEMA_HASH 0xee8f5b21u
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
@@ -327,7 +327,7 @@ struct proto_hello_reply {
 size_t proto_hello_reply_encode(const struct proto_hello_reply *from, uint8_t *out, size_t capacity);
 bool proto_hello_reply_decode(struct proto_hello_reply *to, const uint8_t *in, size_t length);
 
-#define PROTO_STATUS_REPLY_SIZE 50u
+#define PROTO_STATUS_REPLY_SIZE 58u
 /* reply: what the robot does now */
 struct proto_status_reply {
     uint32_t uptime_ms; /* device time */
@@ -345,6 +345,7 @@ struct proto_status_reply {
     int32_t y_mm; /* odometry */
     int32_t theta_e4; /* odometry, 1e-4 rad, not wrapped */
     uint32_t frames_dropped; /* damaged frames received since start-up */
+    uint32_t stray_edges[2]; /* edges of the left and right encoder since start-up that were dated but took no count with them: pulses longer than the inputs' filters */
 };
 size_t proto_status_reply_encode(const struct proto_status_reply *from, uint8_t *out, size_t capacity);
 bool proto_status_reply_decode(struct proto_status_reply *to, const uint8_t *in, size_t length);

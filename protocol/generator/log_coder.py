@@ -272,7 +272,9 @@ class BlockCoder:
         for wheel in (0, 1):
             moved[wheel] = wrapped(counts[wheel] - last[8 + wheel])
             predictor = self.travel[wheel]
-            residual = self._number("travel", moved[wheel], predictor.best(), predictor.context(command[wheel] != 0))
+            residual = self._number(
+                "travel", moved[wheel], predictor.best(), predictor.context(command[wheel] != 0)
+            )
             predictor.update(moved[wheel], residual)
         for wheel in (0, 1):
             predictor = self.effort[wheel]
@@ -316,7 +318,9 @@ class BlockCoder:
         step = self.geometry.travel(moved[0] + moved[1])
         for axis, share, seen in ((self.x, cosine, x_mm), (self.y, sine, y_mm)):
             axis.step(step * share >> 24)
-            residual = self._number("position", seen, axis.prediction(), axis.context(moved[0] + moved[1] == 0))
+            residual = self._number(
+                "position", seen, axis.prediction(), axis.context(moved[0] + moved[1] == 0)
+            )
             axis.update(seen, residual)
 
 

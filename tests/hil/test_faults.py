@@ -188,7 +188,7 @@ def test_a_supply_that_makes_the_wheels_too_fast_stops_them(image: Path, native_
         assert speed < 2.3
 
 
-EXTI4, CAN1_TX = 10, 19
+TIM3, CAN1_TX = 29, 19
 
 
 @pytest.mark.parametrize("begins_us", range(0, 1000, 100))
@@ -198,14 +198,14 @@ def test_a_tick_that_is_lost_to_a_storm_of_interrupts_stops_the_wheels(
     device = host(robot)
     start(device, tp.SegmentKind.EFFORT, 0.3, 0.3)
     robot.run_us(500_000 + begins_us)
-    robot.set_interrupt_stuck(EXTI4, True)
+    robot.set_interrupt_stuck(TIM3, True)
     robot.run_us(300)
-    robot.set_interrupt_stuck(EXTI4, False)
+    robot.set_interrupt_stuck(TIM3, False)
     robot.run_us(5000)
     assert latched(device) == set()  # a tick that is late, but comes
-    robot.set_interrupt_stuck(EXTI4, True)
+    robot.set_interrupt_stuck(TIM3, True)
     robot.run_us(2000)
-    robot.set_interrupt_stuck(EXTI4, False)
+    robot.set_interrupt_stuck(TIM3, False)
     took_ms = until_braked(robot)
     robot.run_us(1000)
     assert took_ms <= 2.0

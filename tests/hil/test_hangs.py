@@ -21,7 +21,7 @@ BAR_MS = 50.0
 ENDLESS = struct.pack("<H", 0xE7FE)  # b .
 UNDEFINED = struct.pack("<H", 0xDE00)  # udf #0
 BROKEN = ("battery_update", "fault_entry", "log_feed_drain")
-EXTI4 = 10
+TIM3 = 29
 RECEIVE_RING = 4096  # bytes
 SLOWEST_HZ, NOMINAL_HZ, FASTEST_HZ = 17_000, 32_000, 47_000  # datasheet DocID022152, section 5.3.9
 
@@ -45,7 +45,7 @@ def hang_tick(robot: VirtualRobot) -> None:
 
 
 def hang_interrupt(robot: VirtualRobot) -> None:
-    robot.set_interrupt_stuck(EXTI4, True)
+    robot.set_interrupt_stuck(TIM3, True)
 
 
 def lock_up(robot: VirtualRobot) -> None:
@@ -129,7 +129,7 @@ def test_a_hang_lets_go_of_the_wheels_within_50_ms_and_is_named(
     # Mend what was broken, for the board to come up again.
     for name, code in zip(BROKEN, before, strict=True):
         overwrite(robot, name, code)
-    robot.set_interrupt_stuck(EXTI4, False)
+    robot.set_interrupt_stuck(TIM3, False)
     robot.run_us(300_000)
     assert (robot.bridge(0), robot.bridge(1)) == BRAKE
     again = host(robot)

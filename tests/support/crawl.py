@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from hil_sim import VirtualRobot
+from hil_sim import EncoderNoise, VirtualRobot
 from hil_sim.plant import RobotParameters
 from truing.board.device import Device
 from truing.link.client import Client
@@ -56,7 +56,13 @@ class Crawl:
 
 
 def crawl(
-    image: Path, speed_mps: float, *, from_edges: bool, counts_per_rev: int = 64, seed: int = 1
+    image: Path,
+    speed_mps: float,
+    *,
+    from_edges: bool,
+    counts_per_rev: int = 64,
+    seed: int = 1,
+    noise: EncoderNoise | None = None,
 ) -> Crawl:
     """Hold a speed in velocity mode with default gains, on the paper's robot with coarser encoders."""
     robot = RobotParameters.msrp().changed(
@@ -67,6 +73,8 @@ def crawl(
         device.set_parameter("counts_per_rev", counts_per_rev)
         device.set_parameter("speed_from_edges", float(from_edges))
         device.client.stream.sleep(0.3)
+        for wheel in (0, 1):
+            board.set_encoder_noise(wheel, noise or EncoderNoise())
         segment = Segment(Kind.VELOCITY, SETTLE_S + SPAN_S + 5.0, speed_mps, speed_mps)
         device.start(device.upload(Plan("crawl", "crawl", (segment,))), unattended=True)
         board.run_us(round(SETTLE_S * 1e6))

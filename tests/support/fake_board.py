@@ -117,6 +117,7 @@ class FakeBoard:
             0,
             0,
             0,
+            (0, 0),
         ).pack()
 
     def clear_faults(self, _: tp.ClearFaultsRequest) -> bytes:

@@ -28,7 +28,8 @@ class BoardStatus:
     """What the robot does now.
 
     `active` faults have their cause present, `latched` ones have stopped the wheels. Pairs are
-    left and right; `battery_v` is None while it could not be measured.
+    left and right; `battery_v` is None while it could not be measured. `stray_edges` took no count with
+    them: noise on the encoder's lines that passed the inputs' filters.
     """
 
     uptime_s: float
@@ -46,6 +47,7 @@ class BoardStatus:
     y_m: float
     theta_rad: float
     frames_dropped: int
+    stray_edges: tuple[int, int]
 
     @classmethod
     def from_reply(cls, reply: StatusReply) -> BoardStatus:
@@ -66,6 +68,7 @@ class BoardStatus:
             y_m=reply.y_mm / 1000,
             theta_rad=reply.theta_e4 / 1e4,
             frames_dropped=reply.frames_dropped,
+            stray_edges=(reply.stray_edges[0], reply.stray_edges[1]),
         )
 
     def to_dict(self) -> dict[str, Any]:

@@ -41,6 +41,9 @@ def command(app: App) -> None:
     app.say(f"  supply        {battery}")
     app.say(f"  motors        {limit}")
     app.say(f"  encoders      left {status.counts[0]}, right {status.counts[1]} counts since start-up")
+    if any(status.stray_edges):
+        left, right = status.stray_edges
+        app.say(f"                left {left}, right {right} edges without a count: noise on their lines")
     app.say(f"  effort        left {status.effort[0]:+.4f}, right {status.effort[1]:+.4f}")
     app.say(f"  speed         left {status.speed_mps[0]:+.3f}, right {status.speed_mps[1]:+.3f} m/s")
     app.say(f"  pose          x {status.x_m:.3f} m, y {status.y_m:.3f} m, theta {status.theta_rad:.4f} rad")

@@ -296,14 +296,14 @@ class HelloRequest:
         return HelloReply.unpack(payload)
 
 
-_STATUS_REPLY = struct.Struct("<IBBBBIIH2h2h2iiiiI")
+_STATUS_REPLY = struct.Struct("<IBBBBIIH2h2h2iiiiI2I")
 
 
 @dataclass(frozen=True, slots=True)
 class StatusReply:
     """Reply: what the robot does now."""
 
-    SIZE: ClassVar[int] = 50
+    SIZE: ClassVar[int] = 58
 
     uptime_ms: int  # device time
     state: int  # state
@@ -320,15 +320,16 @@ class StatusReply:
     y_mm: int  # odometry
     theta_e4: int  # odometry, 1e-4 rad, not wrapped
     frames_dropped: int  # damaged frames received since start-up
+    stray_edges: tuple[int, ...]  # edges of the left and right encoder since start-up that were dated but took no count with them: pulses longer than the inputs' filters
 
     def pack(self) -> bytes:
         """The payload's bytes; struct.error when a value does not fit its field."""
-        return _STATUS_REPLY.pack(self.uptime_ms, self.state, self.mode, self.sequence_state, self.log_open, self.faults_active, self.faults_latched, self.battery_mv, *self.effort_e4, *self.speed_mmps, *self.counts, self.x_mm, self.y_mm, self.theta_e4, self.frames_dropped)
+        return _STATUS_REPLY.pack(self.uptime_ms, self.state, self.mode, self.sequence_state, self.log_open, self.faults_active, self.faults_latched, self.battery_mv, *self.effort_e4, *self.speed_mmps, *self.counts, self.x_mm, self.y_mm, self.theta_e4, self.frames_dropped, *self.stray_edges)
 
     @classmethod
     def unpack(cls, payload: bytes) -> StatusReply:
         """Read the payload's bytes; PayloadError when their number is wrong."""
-        _check_length(payload, 50, False, cls)
+        _check_length(payload, 58, False, cls)
         v = _STATUS_REPLY.unpack_from(payload)
         return cls(
             uptime_ms=v[0],
@@ -346,6 +347,7 @@ class StatusReply:
             y_mm=v[15],
             theta_e4=v[16],
             frames_dropped=v[17],
+            stray_edges=v[18 : 20],
         )
 
 
