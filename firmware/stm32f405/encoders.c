@@ -25,7 +25,8 @@ enum { PIN_FUNCTION_TIM3_TIM4 = 2, TIMEBASE_HZ = 1000000 };
 enum { FILTER = 9 };
 
 /* Channels that wait for the next count in each direction, from 0. */
-enum { ABOVE = 2, BELOW = 3 };
+#define ABOVE   2u
+#define BELOW   3u
 #define MATCHES (TIM_CC_FLAG(ABOVE) | TIM_CC_FLAG(BELOW))
 
 static struct timer *const timers[HAL_WHEELS] = {TIM3, TIM4};
@@ -117,8 +118,8 @@ static void watch(uint32_t wheel)
 {
     struct timer *const timer = timers[wheel];
     stamps[wheel].direction = 0;
-    timer->ccr[ABOVE] = (uint16_t)(last[wheel] + 1u);
-    timer->ccr[BELOW] = (uint16_t)(last[wheel] - 1u);
+    timer->ccr[ABOVE] = (last[wheel] + 1u) & 0xFFFFu;
+    timer->ccr[BELOW] = (last[wheel] - 1u) & 0xFFFFu;
     timer->sr = ~MATCHES; /* zeros clear */
     const int16_t moved = (int16_t)(uint16_t)(timer->cnt - last[wheel]);
     if (moved == 0) {

@@ -74,16 +74,22 @@ static inline void fixture_turn_motor(struct fixture_motor *motor, double effort
     motor->travel_m += motor->speed_mps * step_s;
 }
 
+/* A tick to which the main loop does not get round. */
+static inline void fixture_tick(void)
+{
+    for (int wheel = 0; fixture.motors_turn && wheel < HAL_WHEELS; wheel++) {
+        fixture_turn_motor(&fixture.motor[wheel], fixture.board.effort_e4[wheel] / 10000.0);
+        fixture.board.sample.counts[wheel] =
+            (int32_t)floor(fixture.motor[wheel].travel_m / fixture_metres_per_count());
+    }
+    controller_tick(&fixture.controller);
+}
+
 /* `count` milliseconds: the wheels turn under the effort of the moment, then the tick, then the main loop. */
 static inline void fixture_run(uint32_t count)
 {
     for (uint32_t i = 0; i < count; i++) {
-        for (int wheel = 0; fixture.motors_turn && wheel < HAL_WHEELS; wheel++) {
-            fixture_turn_motor(&fixture.motor[wheel], fixture.board.effort_e4[wheel] / 10000.0);
-            fixture.board.sample.counts[wheel] =
-                (int32_t)floor(fixture.motor[wheel].travel_m / fixture_metres_per_count());
-        }
-        controller_tick(&fixture.controller);
+        fixture_tick();
         controller_poll(&fixture.controller);
     }
 }

@@ -600,10 +600,10 @@ static void main_loop_that_does_not_come_round_stops_a_drive(void)
 {
     drive_live(300);
     for (int i = 0; i < CONTROLLER_POLL_MS; i++) {
-        controller_tick(&fixture.controller);
+        fixture_tick();
     }
     TEST_ASSERT_EQUAL_INT16(3000, fixture.board.effort_e4[0]); /* busy for as long as it ever is */
-    controller_tick(&fixture.controller);
+    fixture_tick();
     assert_braked();
     TEST_ASSERT_EQUAL_HEX32(PROTO_FAULT_MAIN_LOOP_HUNG, fixture_status().faults_latched);
     fixture_run(1);

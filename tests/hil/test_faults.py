@@ -98,11 +98,11 @@ def fault(wheel: int, kind: EncoderFault) -> Callable[[VirtualRobot], None]:
 UNPLUGGED, REVERSED = EncoderFault.UNPLUGGED, EncoderFault.REVERSED
 PHASE_A, PHASE_B = EncoderFault.PHASE_A_DROPPED, EncoderFault.PHASE_B_DROPPED
 PROVOKED = [
-    ("encoder_left_lost", "unplugged, 0.35 m/s", CRUISE, fault(LEFT, UNPLUGGED), 70),
-    ("encoder_right_lost", "unplugged, 0.60 m/s", FAST, fault(RIGHT, UNPLUGGED), 70),
-    ("encoder_right_lost", "disc loose, 40 % effort", PUSH, fault(RIGHT, EncoderFault.FROZEN), 70),
-    ("encoder_left_lost", "phase A dropped, 0.35 m/s", CRUISE, fault(LEFT, PHASE_A), 70),
-    ("encoder_right_lost", "phase B dropped, 0.35 m/s", CRUISE, fault(RIGHT, PHASE_B), 70),
+    ("encoder_left_lost", "unplugged, 0.35 m/s", CRUISE, fault(LEFT, UNPLUGGED), 50),
+    ("encoder_right_lost", "unplugged, 0.60 m/s", FAST, fault(RIGHT, UNPLUGGED), 50),
+    ("encoder_right_lost", "disc loose, 40 % effort", PUSH, fault(RIGHT, EncoderFault.FROZEN), 50),
+    ("encoder_left_lost", "phase A dropped, 0.35 m/s", CRUISE, fault(LEFT, PHASE_A), 50),
+    ("encoder_right_lost", "phase B dropped, 0.35 m/s", CRUISE, fault(RIGHT, PHASE_B), 50),
     ("encoder_left_lost", "unplugged from the start", FROM_REST, fault(LEFT, UNPLUGGED), 300),
     ("encoder_left_lost", "unplugged from the start, effort", PUSH_FROM_REST, fault(LEFT, UNPLUGGED), 300),
     ("encoder_left_reversed", "reversed at 0.35 m/s", CRUISE, fault(LEFT, REVERSED), 50),
@@ -174,6 +174,69 @@ def test_a_reversed_encoder_in_velocity_mode_is_caught_within_50_ms_or_at_a_craw
     print(f"reversed at {speed:.2f} m/s: {took_ms:5.1f} ms, {rolled_mm:4.1f} mm until it stands")
     assert latched(device) == {"encoder_left_reversed"}
     assert took_ms <= 50 or (speed < 0.10 and rolled_mm <= 15)
+
+
+EFFORTS = (0.15, 0.17, 0.2, 0.3, 0.5, 1.0)
+OTHERS = pytest.mark.parametrize("other", [1.0, -1.0, 0.0], ids=["straight", "pivot", "one wheel"])
+
+
+def travel_mm(robot: VirtualRobot) -> float:
+    return 1000 * RobotParameters.msrp().left.radius_m * robot.truth().wheel_angle_rad[LEFT]
+
+
+@OTHERS
+@pytest.mark.parametrize("kind", [UNPLUGGED, REVERSED, PHASE_A, EncoderFault.FROZEN])
+def test_an_encoder_that_fails_while_it_rolls_is_caught_within_50_ms_at_every_effort(
+    image: Path, native_library: Path, kind: EncoderFault, other: float
+) -> None:
+    for effort in EFFORTS:
+        with VirtualRobot(image) as robot:
+            device = host(robot)
+            start(device, tp.SegmentKind.EFFORT, effort, other * effort)
+            robot.run_us(1_000_000)
+            robot.set_encoder_fault(LEFT, kind)
+            took_ms = until_braked(robot)
+            print(f"{kind.name} rolling at {100 * effort:.0f} %: {took_ms:.1f} ms")
+            assert took_ms <= 50
+            name = "encoder_left_reversed" if kind == REVERSED else "encoder_left_lost"
+            assert latched(device) == {name}
+
+
+@OTHERS
+def test_a_reversed_encoder_is_caught_from_rest_within_50_ms_or_a_millimetre(
+    image: Path, native_library: Path, other: float
+) -> None:
+    """It takes three counts to tell: below 20 % of effort the wheel has not made them in 50 ms."""
+    for effort in EFFORTS:
+        with VirtualRobot(image) as robot:
+            device = host(robot)
+            robot.set_encoder_fault(LEFT, REVERSED)
+            start(device, tp.SegmentKind.EFFORT, effort, other * effort)
+            took_ms = until_braked(robot)
+            rolled_mm = abs(travel_mm(robot))
+            print(f"reversed from rest at {100 * effort:.0f} %: {took_ms:.1f} ms, {rolled_mm:.1f} mm")
+            assert latched(device) == {"encoder_left_reversed"}
+            assert took_ms <= 50 or (effort < 0.2 and took_ms <= 75 and rolled_mm <= 1.0)
+
+
+@OTHERS
+@pytest.mark.parametrize("effort", [0.25, 0.4, 0.6, 1.0])
+def test_an_encoder_that_died_at_rest_is_caught_at_the_next_start(
+    robot: VirtualRobot, effort: float, other: float
+) -> None:
+    """Before the first start nothing tells a dead encoder from a driver that answers late: 250 ms."""
+    device = host(robot)
+    device.arm()
+    device.set_effort(0.5, 0.5 * other)
+    robot.run_us(200_000)
+    device.stop()
+    robot.run_us(1_500_000)
+    robot.set_encoder_fault(LEFT, UNPLUGGED)
+    start(device, tp.SegmentKind.EFFORT, effort, other * effort)
+    took_ms = until_braked(robot)
+    print(f"dead since it stands, {100 * effort:.0f} %: {took_ms:.1f} ms")
+    assert latched(device) == {"encoder_left_lost"}
+    assert took_ms <= (50 if effort >= 0.6 else 90)
 
 
 def test_a_supply_that_makes_the_wheels_too_fast_stops_them(image: Path, native_library: Path) -> None:
