@@ -23,8 +23,8 @@ _SMALLER = {"s": ("ms", 1e3), "m/s": ("mm/s", 1e3), "m": ("mm", 1e3)}
 _UNIT_TEXT = {"effort": "of full effort", "1": "", "fraction": "", "factor": "", "ratio": ""}
 # Effects that need two wheels under one body.
 TWO_WHEELS = ("turning_scrub", "side_asymmetry", "inertia_coupling", "wheel_slip", "floor_slope")
-LINE_WIDTH = 100
-MAX_PLACES = 4
+# Columns of a line, and places at which a mismatch is shown.
+LINE_WIDTH, MAX_PLACES = 100, 4
 # Sets of effects listed where something is unexplained.
 MAX_CANDIDATES = 3
 # A refitted error beyond this many times the noise floor is pointed out where no effect is named.
