@@ -51,8 +51,8 @@ static void change_levels(struct board *b, int encoder, uint8_t levels, uint64_t
     const uint8_t changed = w->levels ^ levels;
     w->levels = levels;
     for (int phase = 0; phase < PHASES; phase++) {
-        if ((changed >> phase & 1u) != 0) {
-            const bool high = (levels >> phase & 1u) != 0;
+        if (encoder_line_is_high(changed, phase)) {
+            const bool high = encoder_line_is_high(levels, phase);
             exti_pin_edge(b, phase == 0 ? w->a : w->b, high);
             timer_line_edge(b, encoder, phase, high, time_ps);
         }
@@ -72,8 +72,8 @@ static void take_in(struct board *b, int encoder, uint64_t time_ps)
         for (int64_t left = moved * step > 4 ? 4 : moved * step; left > 0; left--) {
             const uint8_t levels = levels_of(position - step * (left - 1), 0);
             for (int phase = 0; phase < PHASES; phase++) {
-                if (((w->levels ^ levels) >> phase & 1u) != 0) {
-                    exti_pin_edge(b, phase == 0 ? w->a : w->b, (levels >> phase & 1u) != 0);
+                if (encoder_line_is_high(w->levels ^ levels, phase)) {
+                    exti_pin_edge(b, phase == 0 ? w->a : w->b, encoder_line_is_high(levels, phase));
                 }
             }
             w->levels = levels;

@@ -447,6 +447,11 @@ void timer_inputs_pass(struct board *b, uint64_t time_ps);
 uint64_t timer_inputs_await(const struct board *b, int encoder, uint64_t change_ps);
 void timer_update_line(struct board *b, int timer);
 uint8_t encoder_levels(struct board *b, int encoder);
+/* A line among an encoder's levels; phase 0 is A, 1 is B. */
+static inline bool encoder_line_is_high(uint32_t levels, int phase)
+{
+    return (levels >> phase & 1u) != 0;
+}
 void encoder_lines_begin(struct board *b);
 void encoder_lines_follow(struct board *b);
 void encoder_lines_schedule(struct board *b);

@@ -62,7 +62,7 @@ void timer_route_encoder(struct board *b, int timer)
     encoder_lines_follow(b);
     for (int channel = 0; channel < 2 && source != 0; channel++) {
         const int phase = source > 0 ? channel : 1 - channel;
-        const bool level = (b->encoder[encoder_of(t)].levels >> phase & 1u) != 0;
+        const bool level = encoder_line_is_high(b->encoder[encoder_of(t)].levels, phase);
         t->input[channel] = (struct timer_input){.level = level, .passed = level};
     }
 }
@@ -213,7 +213,7 @@ void timer_disc_turned(struct board *b, int encoder, int64_t counts)
         const int64_t seen = (t->smcr & 7u) == 3 ? counts : counts / 2;
         for (int channel = 0; channel < 2; channel++) {
             const int phase = t->encoder_source > 0 ? channel : 1 - channel;
-            const bool level = (b->encoder[encoder].levels >> phase & 1u) != 0;
+            const bool level = encoder_line_is_high(b->encoder[encoder].levels, phase);
             t->input[channel] = (struct timer_input){.level = level, .passed = level};
         }
         move_counter(t, reverse ? -seen : seen);
