@@ -227,7 +227,7 @@ class PeerFailedError(TruingError):
 
 
 class LibraryMissingError(TruingError):
-    """A method that the diagnosis is compared with needs a library that is not installed."""
+    """What was asked for needs a library that is not installed (`extras.py`)."""
 
 
 class Interrupted(TruingError):

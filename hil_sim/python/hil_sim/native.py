@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 import dataclasses
 import functools
+import importlib.util
 import typing
 from collections.abc import Callable
 from pathlib import Path
@@ -15,8 +16,11 @@ from typing import Any, TypeVar
 
 from hil_sim.c_headers import Headers
 
-_SOURCES = Path(__file__).resolve().parents[2]
-_BUILT = _SOURCES.parent / "build" / "host" / "hil_sim"
+# What a wheel carries (hatch_build.py puts it there); else the repository's sources and their build.
+_PACKAGED = Path(__file__).resolve().parent / "built"
+IS_PACKAGED = _PACKAGED.is_dir()
+_SOURCES = _PACKAGED if IS_PACKAGED else Path(__file__).resolve().parents[2]
+_BUILT = _PACKAGED if IS_PACKAGED else _SOURCES.parent / "build" / "host" / "hil_sim"
 
 LIBRARY = _BUILT / "libhil_sim.so"
 """Virtual board, plant and rig."""
@@ -39,6 +43,8 @@ def load(path: Path = LIBRARY) -> ctypes.CDLL:
     ------
     OSError : the library is not built or cannot be loaded.
     """
+    if IS_PACKAGED and path == LIBRARY:
+        _load_unicorn()
     library = ctypes.CDLL(str(path))
     for name, (result, arguments) in HEADERS.functions.items():
         if hasattr(library, name):
@@ -46,6 +52,17 @@ def load(path: Path = LIBRARY) -> ctypes.CDLL:
             function.restype = result
             function.argtypes = arguments
     return library
+
+
+def _load_unicorn() -> None:
+    """Load the CPU engine out of the package `unicorn`, wherever that lies.
+
+    A wheel's library does not know the place; the loader takes one of the same name that is there already.
+    """
+    package = importlib.util.find_spec("unicorn")
+    if package is None or package.origin is None:
+        raise OSError("the package unicorn is not installed")
+    ctypes.CDLL(str(Path(package.origin).parent / "lib" / "libunicorn.so.2"))
 
 
 def mirror(struct: str) -> Callable[[type[T]], type[T]]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from truing.errors import PortError
+from truing.extras import require
 from truing.link.stream import Stream
 from truing.virtual.options import VirtualOptions
 
@@ -97,6 +98,7 @@ def open_can_bus(rest: str, virtual: VirtualOptions) -> tuple[CanBus, int]:
     PortError : it is no address, or the adapter cannot be opened.
     VirtualBoardError : virtual boards cannot start.
     """
+    require("can")
     from truing.link.can_address import can_address
     from truing.link.can_bus import AdapterBus
     from truing.virtual.can import open_channel, open_simulated
@@ -110,6 +112,7 @@ def open_can_bus(rest: str, virtual: VirtualOptions) -> tuple[CanBus, int]:
 
 
 def _open_can(rest: str, virtual: VirtualOptions) -> Stream:
+    require("can")
     from truing.link.can_stream import CanStream
 
     return CanStream(*open_can_bus(rest, virtual))

@@ -49,7 +49,8 @@ class Interrupts:
         if threading.current_thread() is not threading.main_thread():
             yield self  # only the main thread may catch signals; whoever runs this one asks in another way
             return
-        signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        # Windows has no SIGHUP.
+        signals = {signal.SIGINT, signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)}
         before = {number: signal.signal(number, self._remember) for number in signals}
         try:
             yield self

@@ -138,7 +138,8 @@ def ended_like_ctrl_c() -> Iterator[None]:
     """
     changed = []
     if threading.current_thread() is threading.main_thread():  # Python lets no other thread do it
-        for number in (signal.SIGTERM, signal.SIGHUP):
+        # Windows has no SIGHUP.
+        for number in (signal.SIGTERM, getattr(signal, "SIGHUP", signal.SIGTERM)):
             if signal.getsignal(number) is signal.SIG_DFL:
                 signal.signal(number, signal.default_int_handler)
                 changed.append(number)

@@ -43,8 +43,13 @@ def command(app: App, only: str | None) -> None:
     """
     import os
 
+    from truing.extras import require
+    from truing.virtual.board import require_virtual_board
     from truing.workspace import out_folder
 
+    require("plots")
+    if only != "drive" or app.is_virtual:
+        require_virtual_board()
     # Set before numpy is loaded: the diagnosis' matrices are small, and threads only get in the way.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     out = out_folder() / "demo"
@@ -149,15 +154,16 @@ def real_set() -> Path | str:
     """The real recording set that the demo identifies, or why there is none."""
     import os
 
-    from truing.workspace import recordings_folder, root
+    from truing.workspace import checkout, recordings_beside, recordings_folder
 
     folder = recordings_folder()
     if folder is None:
         named = os.environ.get("TRUING_RECORDINGS")
         if named:
             return f"TRUING_RECORDINGS names {named}, and there is no such folder"
-        beside = root().parent / "shared" / "recordings"
-        return f"TRUING_RECORDINGS is not set, and there is no {beside}"
+        root = checkout()
+        beside = "" if root is None else f", and there is no {recordings_beside(root)}"
+        return f"TRUING_RECORDINGS is not set{beside}"
     sets = sorted(path.parent for path in folder.rglob("runs") if any(path.glob("*.csv")))
     if not sets:
         return f"{folder} holds no recording set (a folder with runs/*.csv)"

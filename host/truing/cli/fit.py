@@ -66,6 +66,7 @@ def command(
     # Set before numpy is loaded: the matrices here are small, and a second thread for each of them only
     # gets in the way of the thread that fits the other wheel.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    from truing.extras import require
     from truing.identify.model_ladder import fit_models
     from truing.identify.model_tables import model_tables
     from truing.identify.summary import fitted_lines
@@ -76,6 +77,8 @@ def command(
     for path, folder in ((out, False), (report, True)):
         if path is not None:
             check_output(path, folder=folder)
+    if report is not None:
+        require("plots")
     recordings = with_axis(read_runs(runs, model, geometry=geometry), axis)
     with app.progress("fitting") as progress:
         models = fit_models(recordings, richer=more, progress=progress)

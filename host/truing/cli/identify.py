@@ -62,12 +62,14 @@ def command(
       truing identify sysid_data.json
       truing identify arm.json --axis rotation
     """
+    from truing.extras import require
     from truing.identify.identification import identify_set
     from truing.importers import read_runs
     from truing.recording.geometry import with_axis
     from truing.recording.writer import check_output
 
     if out is not None:
+        require("plots")
         check_output(out, folder=True)
     if write_baseline is not None:
         check_output(write_baseline)

@@ -34,6 +34,7 @@ def command(app: App, runs: Path, model: Path | None, out: Path | None) -> None:
       truing plot out/recordings/virtual/runs/01_paper_XI.csv
       truing plot my_robot --out out/pictures
     """
+    from truing.extras import require
     from truing.identify.identification import identify_set
     from truing.importers import read_runs
     from truing.report.plot import save_png
@@ -41,6 +42,7 @@ def command(app: App, runs: Path, model: Path | None, out: Path | None) -> None:
     from truing.report.run_view import view_run
     from truing.workspace import out_folder
 
+    require("plots")
     recordings = read_runs(runs, model)
     folder = out if out is not None else out_folder() / "plots" / recordings.name
     written = []

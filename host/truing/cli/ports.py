@@ -46,6 +46,9 @@ def _list_nodes(app: App, where: str) -> None:
     from rich.table import Table
 
     from truing.board.connect import open_can_bus
+    from truing.extras import require
+
+    require("can")
     from truing.link.can_address import can_address
     from truing.link.can_stream import discover
     from truing.virtual.options import VirtualOptions

@@ -91,8 +91,10 @@ def command(
       truing trial --effect none --seed 3
       truing trial --campaign 100 --seed 1
     """
+    from truing.virtual.board import require_virtual_board
     from truing.workspace import out_folder
 
+    require_virtual_board()
     if campaign is not None:
         folder = out or out_folder() / "trials" / f"campaign-{seed}{'' if block == 'main' else f'-{block}'}"
         _campaign(app, campaign, seed, folder, jobs=jobs, block=block, minutes=minutes, table=table)

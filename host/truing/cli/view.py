@@ -70,6 +70,9 @@ def command(
       truing --port /dev/ttyUSB0 view --no-browser
       truing view --host 0.0.0.0 --port 8080
     """
+    from truing.extras import require
+
+    require("view")
     from truing.virtual.options import VirtualOptions
     from truing.web.server import ServerOptions, serve
     from truing.web.session import ViewOptions, ViewSession

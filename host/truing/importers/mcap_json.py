@@ -17,6 +17,7 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.errors import CutOffError, RecordingError
+from truing.extras import require
 
 from .foreign import Finding, ForeignTest, ImportOptions
 from .mapped_csv import find_mapping
@@ -79,6 +80,7 @@ def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Fi
 
 def _messages(path: Path) -> Iterator[tuple[str, str, tuple[float, float], bytes]]:
     """(topic, encoding, (log, publish) times in seconds, payload) in the file's order."""
+    require("bags")
     from mcap.reader import NonSeekingReader
 
     # A double holds nanoseconds since a file's beginning, but not since 1970.

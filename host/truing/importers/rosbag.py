@@ -16,6 +16,7 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.errors import RecordingError
+from truing.extras import require
 
 from .foreign import Finding, ForeignTest, ImportOptions
 
@@ -101,6 +102,7 @@ class Bag:
 
 
 def _collect(path: Path) -> Bag:
+    require("bags")
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-import sys
 import tempfile
 from functools import cache
 from pathlib import Path
+
+from truing.workspace import user_cache
 
 
 def code_folder() -> Path:
@@ -20,21 +21,12 @@ def code_folder() -> Path:
 
 @cache
 def _users_folder() -> Path:
-    folder = _user_cache() / "truing"
+    folder = user_cache() / "truing"
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError:
         return _temporary_folder()
     return folder if os.access(folder, os.W_OK) else _temporary_folder()
-
-
-def _user_cache() -> Path:
-    """The system's place for what a program can make again."""
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
-    if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 
 def _temporary_folder() -> Path:

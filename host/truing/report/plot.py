@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from truing.extras import require
 from truing.recording.writer import replace_file
 from truing.report.run_view import COLOURS, NEUTRAL, REFERENCE, PathView, RunView
 
@@ -50,6 +51,7 @@ def save_png(view: RunView, path: str | Path) -> Path:
 
 def render_png(view: RunView) -> bytes:
     """Draw a run; the picture's bytes depend on nothing but the view."""
+    require("plots")
     # matplotlib costs a quarter of a second to import; commands that draw nothing do not pay it.
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from truing.extras import require
 from truing.identify.tables import PlainTable
 from truing.recording.writer import replace_file
 from truing.report.plot import DOTS_PER_INCH, STYLE
@@ -21,6 +22,7 @@ FONT_SIZE = 9.0
 
 def save_picture(path: Path, size: tuple[float, float], draw: Callable[[Figure], None]) -> Path:
     """Let `draw` fill a figure of `size` inches, and write it at `path`."""
+    require("plots")
     # matplotlib costs a quarter of a second to import; commands that draw nothing do not pay it.
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg

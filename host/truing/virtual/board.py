@@ -8,12 +8,28 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from truing.errors import FileError, VirtualBoardError
+from truing.extras import require
 from truing.virtual.options import VirtualOptions
-from truing.workspace import image_path
+from truing.workspace import how_to_build, image_path
 
 if TYPE_CHECKING:
     from hil_sim import VirtualRobot
     from hil_sim.plant import RobotParameters
+
+
+def require_virtual_board() -> None:
+    """Refuse to go on where nothing can be simulated.
+
+    Raises
+    ------
+    LibraryMissingError : the extra `sim` is not installed.
+    VirtualBoardError : there is no native library.
+    """
+    require("sim")
+    from hil_sim import native
+
+    if not native.LIBRARY.is_file():
+        raise VirtualBoardError(f"{native.LIBRARY}: there is no virtual board here", how_to_build())
 
 
 def make_virtual_robot(options: VirtualOptions, number: int = 1) -> VirtualRobot:
@@ -25,8 +41,10 @@ def make_virtual_robot(options: VirtualOptions, number: int = 1) -> VirtualRobot
 
     Raises
     ------
+    LibraryMissingError : the extra `sim` is not installed.
     VirtualBoardError : no image or no native library, or the board does not start.
     """
+    require_virtual_board()
     image = options.image or image_path()
     try:
         from hil_sim import DEFAULT_BOARD_ID, VirtualRobot
@@ -40,9 +58,7 @@ def make_virtual_robot(options: VirtualOptions, number: int = 1) -> VirtualRobot
             crystal_ppm=options.crystal_ppm,
         )
     except (OSError, ImportError, RuntimeError, ValueError) as error:
-        raise VirtualBoardError(
-            f"the virtual board cannot start: {error}", "`./run setup` builds the image and the virtual board"
-        ) from error
+        raise VirtualBoardError(f"the virtual board cannot start: {error}", how_to_build()) from error
 
 
 def robot_parameters(path: Path | None) -> RobotParameters:

@@ -6,7 +6,6 @@ effects' files.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -17,6 +16,7 @@ from truing.diagnose.catalogue import CATALOGUE, Catalogue
 from truing.diagnose.data.set_data import set_data
 from truing.diagnose.simulation.assemble import Kernel, kernel_of
 from truing.diagnose.simulation.simulator import SetSimulator
+from truing.model.code_cache import code_folder
 from truing.recording.baseline import Baseline, WheelModel
 from truing.recording.run import RecordingSet, Run
 
@@ -26,10 +26,7 @@ FUNCTIONS = ("rollout.rollout", "rollout.slow", "ground.ground_motion", "ground.
 
 def is_compiled(kernel: Kernel) -> bool:
     """Whether the cache holds this simulation's machine code."""
-    place = os.environ.get("NUMBA_CACHE_DIR")
-    own = Path(str(kernel.stage.__file__)).parent / "__pycache__"
-    indices = Path(place).glob(f"truing_kernel_{kernel.mark}_*/*.nbi") if place else own.glob("*.nbi")
-    files = {path.name for path in indices}
+    files = {path.name for path in code_folder().glob(f"truing_kernel_{kernel.mark}_*/*.nbi")}
     return all(any(file.startswith(f"{name}-") for file in files) for name in FUNCTIONS)
 
 

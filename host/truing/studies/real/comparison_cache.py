@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import truing
+from truing import workspace
 from truing.progress import Progress
 from truing.recording.writer import replace_file
 from truing.studies.real.comparison import (
@@ -30,7 +31,6 @@ from truing.studies.real.left_out import Score
 from truing.studies.real.peers.catalogue import PEERS
 from truing.studies.real.peers.peer import Peer
 from truing.studies.real.row_set import RowSet
-from truing.workspace import root
 
 # Code of the package, and other packages, that scores and comparisons depend on.
 PEER_CODE = ("studies/real/peers", "studies/real/left_out.py", "studies/real/row_set.py")
@@ -43,7 +43,7 @@ CODE = (
 
 def cache_folder() -> Path:
     """Where finished work is kept; it may be removed at any time."""
-    return root() / ".cache" / "comparison"
+    return workspace.cache_folder() / "comparison"
 
 
 def compare_sets(
