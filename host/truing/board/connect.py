@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from truing.link.can_bus import CanBus
 
 _KINDS = (
-    "sim, auto, /dev/...[@BAUD], tcp:HOST:PORT, can:INTERFACE:CHANNEL[@BITRATE][/NODE], can:sim, can:virtual"
+    "sim, auto, /dev/...[@BAUD], COM3[@BAUD], tcp:HOST:PORT, "
+    "can:INTERFACE:CHANNEL[@BITRATE][/NODE], can:sim, can:virtual"
 )
 # Adapters of these vendors sit on robots' controllers; others (modems, phones) are listed, not tried.
 _LIKELY_VENDORS = {

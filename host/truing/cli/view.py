@@ -73,6 +73,7 @@ def command(
     from truing.extras import require
 
     require("view")
+    from truing.virtual.board import require_virtual_board
     from truing.virtual.options import VirtualOptions
     from truing.web.server import ServerOptions, serve
     from truing.web.session import ViewOptions, ViewSession
@@ -86,6 +87,8 @@ def command(
         sys.stdout.flush()
 
     app.choose_virtual(seed, robot, image)
+    if app.is_virtual:
+        require_virtual_board()
     session = ViewSession(ViewOptions(app.port, VirtualOptions(app.seed, image, robot), folder, rate_hz))
     try:
         serve(session, ServerOptions(host, http_port, browser), announce)
