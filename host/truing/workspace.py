@@ -13,7 +13,7 @@ from pathlib import Path
 from truing.errors import VirtualBoardError
 
 _PACKAGE = Path(__file__).resolve().parent
-# Where the wheel's build puts the image (hatch_build.py).
+# Where the wheel's build puts the image (host/hatch_build.py).
 _PACKAGED_IMAGE = _PACKAGE / "built" / "truing-f405.elf"
 
 

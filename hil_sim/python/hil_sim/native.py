@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 from hil_sim.c_headers import Headers
 
-# What a wheel carries (hatch_build.py puts it there); else the repository's sources and their build.
+# What a wheel carries (host/hatch_build.py puts it there); else the repository's sources and their build.
 _PACKAGED = Path(__file__).resolve().parent / "built"
 IS_PACKAGED = _PACKAGED.is_dir()
 _SOURCES = _PACKAGED if IS_PACKAGED else Path(__file__).resolve().parents[2]
