@@ -95,6 +95,7 @@ class Effect:
     source : where the equation comes from.
     signature : what it looks like in recordings.
     separated_by : the effects it is confused with, each with the run that distinguishes them.
+    excited_by : the driving and the signals that show it, as `exercised` asks for them.
     parameters : in the order of docs/DATA_FORMAT.md.
     domain : seen in the wheels' speeds, in the pose, or in both.
     needs : what the recordings or the baseline must hold before it is identifiable:
@@ -122,6 +123,7 @@ class Effect:
     source: str
     signature: str
     separated_by: Mapping[str, str]
+    excited_by: str
     parameters: tuple[Parameter, ...]
     domain: Domain = "wheel"
     needs: tuple[Need, ...] = ()

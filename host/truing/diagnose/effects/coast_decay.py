@@ -64,6 +64,10 @@ EFFECT = Effect(
         "coulomb_friction": "stops by zero effort and by a small effort of the other sign",
         "driver_lag": "steps up and steps down to a level that is not zero",
     },
+    excited_by=(
+        "Drive to several speeds and give exactly zero effort for at least two time constants each time, "
+        "until standstill."
+    ),
     parameters=(Parameter("release", "1", -2.0, 0.97, 0.0, (0.25, 0.6)),),
     report=_report,
     from_baseline=_from_baseline,

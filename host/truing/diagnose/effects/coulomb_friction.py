@@ -43,6 +43,10 @@ EFFECT = Effect(
         "stribeck_friction": "slow ramps of effort through zero, several breakaways",
         "quadratic_drag": "a staircase over the whole range of speeds",
     },
+    excited_by=(
+        "Start, stop and reverse several times, and hold three or more levels of effort for a second "
+        "each, slow ones included."
+    ),
     parameters=per_wheel("", "effort", 0.0, 0.6, 0.0, (0.03, 0.12)),
     exercised=_exercised,
 )

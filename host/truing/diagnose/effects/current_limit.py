@@ -52,6 +52,10 @@ EFFECT = Effect(
         "wheel_slip": "a full-effort reversal with an outside pose",
         "driver_lag": "steps of several heights: a lag scales with the step, a limit does not",
     },
+    excited_by=(
+        "Reverse from full effort to full effort the other way: effort and speed then differ by up to "
+        "twice the stall torque."
+    ),
     parameters=(
         Parameter("limit", "1", 0.05, 2.0, 2.0, (0.6, 0.4, 0.25), scan=True),
         Parameter("back_emf", "1", 0.3, 1.0, 1.0, (0.9,), nuisance=True),

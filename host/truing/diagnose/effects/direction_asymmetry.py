@@ -58,6 +58,7 @@ EFFECT = Effect(
         "coulomb_friction": "several levels in both directions",
         "side_asymmetry": "both wheels in both directions",
     },
+    excited_by="Drive at least three seconds forward and three backward, at the same levels of effort.",
     parameters=(
         *per_wheel("", "1", 0.3, 3.0, 1.0, (0.93, 1.15), pull=0.1),
         *per_wheel("friction", "1", 0.2, 5.0, 1.0, (0.7, 1.4), beside=DRY_FRICTION, pull=0.003),

@@ -44,6 +44,10 @@ EFFECT = Effect(
         "coulomb_friction": "a coast-down: zero effort from several speeds, logged until standstill",
         "stribeck_friction": "slow ramps of effort up and down again",
     },
+    excited_by=(
+        "Spend at least four seconds at efforts below 40 %, with ramps through zero, and let the wheel "
+        "run down to standstill."
+    ),
     parameters=(Parameter("deadband", "effort", 0.0, 0.6, 0.0, (0.03, 0.12)),),
     exercised=_exercised,
 )

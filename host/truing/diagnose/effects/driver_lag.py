@@ -39,6 +39,10 @@ EFFECT = Effect(
         "input_delay": "a chirp to 4-8 Hz, or a step logged at 100-200 Hz",
         "speed_filter": "a log with counts beside the recorder's speed",
     },
+    excited_by=(
+        "Give six or more steps of effort of at least 10 %, or a chirp up to a few hertz, and log at 100 "
+        "Hz or more."
+    ),
     parameters=(Parameter("time_constant", "s", 0.0, 1.0, 0.0, (0.03, 0.1)),),
     exercised=_exercised,
     step_share=0.02,

@@ -55,6 +55,10 @@ EFFECT = Effect(
         "speed_limit": "a staircase of effort to the top",
         "encoder_scale": "a staircase of speeds: a scale is the same at every speed",
     },
+    excited_by=(
+        "Hold three or more levels of speed for a second each, at least three seconds of it above half of "
+        "the full-effort speed."
+    ),
     parameters=(
         *per_wheel("", "1", 0.0, 0.9, 0.0, (0.06, 0.2)),
         Parameter("exponent", "1", 0.5, 6.0, 1.0, (1.0, 3.0), nuisance=True, scan=True),

@@ -95,6 +95,9 @@ EFFECT = Effect(
         "torque_ripple": "the same distance at several speeds: eccentricity grows with speed, ripple falls",
         "gear_backlash": "creep in one direction, without reversals",
     },
+    excited_by=(
+        "Turn each wheel steadily through four or more turns, slowly enough for several rows in every turn."
+    ),
     parameters=(
         Parameter("sine_left", "rad", -1.0, 1.0, 0.0, (0.02, -0.02), "left"),
         Parameter("sine_right", "rad", -1.0, 1.0, 0.0, (0.02, -0.02), "right"),

@@ -51,6 +51,10 @@ EFFECT = Effect(
         "wheel_radius_error": "a direct measurement of wheel radius and counts per revolution",
         "encoder_dropout": "a staircase of speeds",
     },
+    excited_by=(
+        "Drive each wheel for at least four seconds with a pose or yaw rate from outside the robot in the "
+        "log."
+    ),
     parameters=(_LEFT, replace(_RIGHT, needs_pose=True)),
     domain="both",
     exercised=_exercised,

@@ -64,6 +64,10 @@ EFFECT = Effect(
         "direction_asymmetry": "the same path after a half turn",
         "supply_sag": "the same path after a half turn",
     },
+    excited_by=(
+        "Drive the same path on headings all around the circle, there and back or in four directions, "
+        "with the heading in the log."
+    ),
     parameters=(
         Parameter("uphill_cosine", "rad", -0.4, 0.4, 0.0, (0.01, -0.01)),
         Parameter("uphill_sine", "rad", -0.4, 0.4, 0.0, (0.01, -0.01)),

@@ -48,6 +48,10 @@ EFFECT = Effect(
         "driver_lag": "a reversal step against a step in the same direction",
         "torque_ripple": "repeated reversals from different wheel angles",
     },
+    excited_by=(
+        "Reverse the effort six or more times, and log at 100 Hz or more: the gap is crossed within "
+        "hundredths of a second."
+    ),
     parameters=(
         *per_wheel("", "rad", 0.0, 0.6, 0.0, (0.03, 0.1)),
         Parameter("motor_share", "1", 0.02, 0.6, 0.15, (0.1, 0.3), nuisance=True, scan=True),

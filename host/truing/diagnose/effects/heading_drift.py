@@ -49,6 +49,9 @@ EFFECT = Effect(
         "wheel_radius_error": "a straight run there and back",
         "wheelbase_error": "turns on the spot: drift needs distance",
     },
+    excited_by=(
+        "Drive five metres or more straight, there and back, with a pose from outside the robot in the log."
+    ),
     parameters=(
         Parameter("drift", "rad/m", -3.0, 3.0, 0.0, (0.02, -0.02)),
         Parameter("distance_scale", "1", -0.5, 0.5, 0.0, (0.03, -0.03)),

@@ -46,6 +46,10 @@ EFFECT = Effect(
         "supply_sag": "steps of one wheel in both directions while the other coasts",
         "wheel_slip": "gentle steps of one wheel alone",
     },
+    excited_by=(
+        "Step one wheel while the other coasts or holds: six seconds with efforts that differ by 10 % or "
+        "more, and four steps."
+    ),
     parameters=(Parameter("coupling", "1", -0.8, 0.8, 0.0, (0.1, -0.1, 0.3)),),
     exercised=_exercised,
     couples=True,

@@ -42,6 +42,7 @@ EFFECT = Effect(
         "speed_filter": "a log with counts beside the recorder's speed",
         "gear_backlash": "a reversal step against a step in the same direction",
     },
+    excited_by="Give six or more steps of effort of at least 10 %, and log at 100 Hz or more.",
     parameters=(Parameter("delay", "s", 0.0, 0.4, 0.0, (0.02, 0.06, 0.12), scan=True),),
     exercised=_exercised,
 )

@@ -56,6 +56,10 @@ EFFECT = Effect(
         "winding_heating": "load, rest, repeat: a load stays, heat goes",
         "supply_sag": "the first run repeated as the last: a load leaves steady speeds alone",
     },
+    excited_by=(
+        "Record 20 s or more with the same starts and stops in both halves of the set, and repeat the "
+        "first run as the last one."
+    ),
     parameters=(
         Parameter("time_constant_ratio", "1", 0.2, 5.0, 1.0, (1.2, 0.85), log=True),
         Parameter(

@@ -42,6 +42,10 @@ EFFECT = Effect(
         "supply_sag": "one wheel alone against both wheels at the same effort",
         "coulomb_friction": "a staircase over the whole range of speeds, the slow ones too",
     },
+    excited_by=(
+        "Drive a staircase of effort: three or more levels for a second each, three seconds of them above "
+        "half of the full-effort speed."
+    ),
     parameters=per_wheel("", "effort at 1 m/s", 0.0, 3.0, 0.0, (0.08, 0.3), "per_speed_squared"),
     exercised=_exercised,
     step_share=0.05,

@@ -50,6 +50,9 @@ EFFECT = Effect(
         "coulomb_friction": "a staircase: friction takes one amount off every level, a gain one share",
         "direction_asymmetry": "both wheels in both directions",
     },
+    excited_by=(
+        "Drive both wheels for at least four seconds each, at several levels and with starts and stops."
+    ),
     parameters=(
         Parameter("gain_ratio", "1", 0.3, 3.0, 1.0, (1.08, 0.92), log=True),
         Parameter("time_constant_ratio", "1", 0.2, 5.0, 1.0, (1.15, 0.87), log=True),

@@ -152,6 +152,10 @@ EFFECT = Effect(
         "driver_lag": "a log with counts beside the recorder's speed, or a hand-pushed run",
         "input_delay": "a log with counts beside the recorder's speed",
     },
+    excited_by=(
+        "Give four or more steps of effort, and log encoder counts or positions beside the recorder's own "
+        "speed."
+    ),
     parameters=(
         Parameter("time_constant", "s", 0.0, 1.0, 0.0, (0.03, 0.1)),
         Parameter("instant", "1", 0.0, 1.0, 0.0, (1.0, 0.0), nuisance=True, scan=True),

@@ -39,6 +39,7 @@ EFFECT = Effect(
         "quadratic_drag": "a staircase of effort to the top: drag bends, a limit is flat",
         "supply_sag": "a staircase of effort to the top, one wheel at a time",
     },
+    excited_by="Hold efforts above 55 % for at least two seconds, best as a staircase up to full effort.",
     parameters=(Parameter("limit", "m/s", 0.05, 3.0, 3.0, (0.85, 0.7, 0.5, 0.35), scale="speed", scan=True),),
     exercised=_exercised,
     step_share=0.05,

@@ -64,6 +64,9 @@ EFFECT = Effect(
         "driver_deadband": "slow ramps of effort up and down: friction keeps running on the way down",
         "torque_ripple": "slow creep over several turns of the wheel",
     },
+    excited_by=(
+        "Start and stop each wheel from rest ten times or more, with small efforts that barely break it away."
+    ),
     parameters=(
         *per_wheel("", "effort", 0.0, 0.6, 0.0, (0.03, 0.1)),
         Parameter("excess_left", "effort", 0.0, 0.6, 0.0, (0.03, 0.1), "left"),

@@ -68,6 +68,10 @@ EFFECT = Effect(
         "quadratic_drag": "one wheel alone against both wheels at the same effort",
         "current_limit": "one wheel alone against both wheels at full effort",
     },
+    excited_by=(
+        "Give four or more steps of at least 30 % and drive both wheels together for four seconds, and "
+        "one wheel alone at the same effort."
+    ),
     parameters=(
         Parameter("drop_at_stall", "1", 0.0, 0.8, 0.0, (0.08, 0.3)),
         Parameter("drop_over_set", "1", 0.0, 0.5, 0.0, (0.04, 0.12)),

@@ -77,6 +77,10 @@ EFFECT = Effect(
         "encoder_eccentricity": "the same distance at several speeds: ripple falls, eccentricity does not",
         "gear_backlash": "creep in one direction, without reversals",
     },
+    excited_by=(
+        "Creep below a third of the full-effort speed for at least four seconds, over several turns of "
+        "each wheel."
+    ),
     parameters=(
         Parameter("sine_left", "effort", -0.5, 0.5, 0.0, (0.03, -0.03), "left"),
         Parameter("sine_right", "effort", -0.5, 0.5, 0.0, (0.03, -0.03), "right"),

@@ -48,6 +48,10 @@ EFFECT = Effect(
         "inertia_coupling": "a long turn at a steady speed",
         "supply_sag": "one wheel alone, then both, at a steady low speed",
     },
+    excited_by=(
+        "Turn for at least four seconds with clearly different wheel speeds, on the spot and one wheel at "
+        "a time, and drive straight for two."
+    ),
     parameters=(Parameter("scrub", "effort", 0.0, 0.6, 0.0, (0.03, 0.1)),),
     exercised=_exercised,
     couples=True,

@@ -44,6 +44,10 @@ EFFECT = Effect(
         "encoder_scale": "a direct measurement of wheel radius and counts per revolution",
         "wheel_slip": "gentle and hard starts over the same distance",
     },
+    excited_by=(
+        "Drive for at least ten seconds with a pose from outside the robot in the log: straight there and "
+        "back, and turns both ways."
+    ),
     parameters=per_wheel("", "1", 0.5, 2.0, 1.0, (0.97, 1.05)),
     domain="pose",
     needs=("pose", "geometry"),

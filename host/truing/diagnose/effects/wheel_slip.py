@@ -49,6 +49,10 @@ EFFECT = Effect(
         "wheel_radius_error": "gentle and hard starts over the same distance with an outside pose",
         "inertia_coupling": "gentle steps of one wheel alone",
     },
+    excited_by=(
+        "Start and stop as hard as the drive can, beyond a quarter of the acceleration of gravity, with a "
+        "pose from outside in the log."
+    ),
     parameters=(
         Parameter("grip", "1", 0.02, 3.0, 3.0, (0.5, 0.3, 0.15), scan=True),
         Parameter("spin_share", "1", 0.03, 0.6, 0.15, (0.1, 0.3), nuisance=True, scan=True),

@@ -44,6 +44,10 @@ EFFECT = Effect(
         "wheel_radius_error": "turns on the spot and a straight run of known length",
         "heading_drift": "turns on the spot: drift needs distance",
     },
+    excited_by=(
+        "Turn through six radians or more, on the spot both ways, with a pose from outside the robot and "
+        "a measured wheelbase."
+    ),
     parameters=(Parameter("factor", "1", 0.5, 2.0, 1.0, (1.05, 0.95)),),
     domain="pose",
     needs=("pose", "geometry"),

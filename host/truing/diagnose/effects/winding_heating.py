@@ -69,6 +69,7 @@ EFFECT = Effect(
         "supply_sag": "load, rest, repeat: heat recovers, charge does not; or the logged voltage",
         "payload_change": "load, rest, repeat",
     },
+    excited_by="Drive under heavy load for a minute or more, rest, and repeat the same levels.",
     parameters=(
         Parameter("gain_drop", "1", 0.0, 0.6, 0.0, (0.05, 0.15)),
         Parameter("thermal_time_constant", "s", 5.0, 2000.0, 60.0, (20.0, 60.0, 200.0), log=True, scan=True),
