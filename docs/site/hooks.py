@@ -7,16 +7,14 @@ from typing import Any
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
-from site_pages import generated_pages, navigation
-from site_pages.repository import COPIES, ROOT, copied, copied_pages, linked, place
+from site_pages import generated_pages, navigation, repository
+from site_pages.repository import ROOT, copied, copied_pages, linked, place
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Fill the navigation's sections of generated and copied pages."""
     sections = navigation()
-    sections["Repository"] = [
-        {path: place(path)} for path in copied_pages() if place(path).startswith(f"{COPIES}/")
-    ]
+    sections["Repository"] = repository.navigation()
     missing = set(sections) - _fill(config.nav, sections)
     assert not missing, f"mkdocs.yml has no section {missing}"
     return config

@@ -133,7 +133,7 @@ def _separated(effect: Effect) -> str:
 
 
 def _parameters(effect: Effect, meanings: dict[tuple[str, str], str]) -> str:
-    """The reported parameters: name, unit, meaning, and the range in which they are searched."""
+    """The reported parameters: name, unit, meaning, range of the search, and the value without the effect."""
     own = {item.name: item for item in effect.parameters}
     rows = []
     for name in reported_names(effect):
@@ -143,7 +143,7 @@ def _parameters(effect: Effect, meanings: dict[tuple[str, str], str]) -> str:
         else:
             limits, off = ("0 or more" if name in effect.non_negative else "not limited"), "0"
         rows.append((code(name), unit, meanings[effect.name, name], limits, off))
-    return table(("parameter", "unit", "meaning", "range", "vanishes at"), rows)
+    return table(("parameter", "unit", "meaning", "range", "when off"), rows)
 
 
 def reported_names(effect: Effect) -> list[str]:

@@ -31,7 +31,26 @@ _FENCE = re.compile(r"(^```.*?^```\s*?$)", re.MULTILINE | re.DOTALL)
 def copied_pages() -> list[str]:
     """Pages outside docs/ that the site shows, relative to the root."""
     found = [path.relative_to(ROOT).as_posix() for top in FOLDERS for path in (ROOT / top).rglob("*.md")]
-    return ["README.md", *sorted(found, key=lambda page: (FOLDERS.index(page.split("/")[0]), page))]
+    return ["README.md", *sorted(found, key=_order)]
+
+
+def _order(page: str) -> tuple[int, str, bool, str]:
+    folder, _, name = page.rpartition("/")
+    return FOLDERS.index(page.split("/")[0]), folder, name != "README.md", name
+
+
+def navigation() -> list[object]:
+    """The pages outside docs/ by their top folder, each folder's README first."""
+    pages = [path for path in copied_pages() if place(path) != HOME]
+    return [
+        {top: [{_label(path): place(path)} for path in pages if path.startswith(f"{top}/")]}
+        for top in FOLDERS
+    ]
+
+
+def _label(path: str) -> str:
+    folder, _, name = path.removesuffix(".md").removeprefix("host/truing/").rpartition("/")
+    return folder if name == "README" else f"{folder}: {name}"
 
 
 def place(path: str) -> str:
