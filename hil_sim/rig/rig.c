@@ -273,7 +273,7 @@ static bool grow_sent(struct rig *r)
     if (grown == NULL) {
         return false;
     }
-    for (size_t i = 0; i < r->sent_count; i++) {
+    for (size_t i = 0; r->sent_capacity != 0 && i < r->sent_count; i++) {
         grown[i] = r->sent[(r->sent_head + i) % r->sent_capacity];
     }
     free(r->sent);
