@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -48,6 +51,20 @@ def test_identify_writes_a_baseline_that_holds_what_it_found(counts: Path, tmp_p
     assert baseline.left.gain_mps == found["left"].gain.value
     assert baseline.right.time_constant_s == found["right"].time_constant.value
     assert truing("identify", str(counts), "--model", str(file)).returncode == 0
+
+
+@pytest.mark.parametrize(("command", "option"), [("identify", "--write-baseline"), ("fit", "--out")])
+def test_a_model_is_written_although_nobody_reads_what_is_printed(
+    counts: Path, tmp_path: Path, command: str, option: str
+) -> None:
+    """As in `truing identify ... | head -1`."""
+    reader, writer = os.pipe()
+    os.close(reader)
+    file = tmp_path / "model.toml"
+    with os.fdopen(writer, "wb") as closed:
+        line = [sys.executable, "-m", "truing", command, counts, *GIVEN, option, file]
+        subprocess.run(line, stdout=closed, stderr=subprocess.DEVNULL, timeout=120, check=False)
+    assert read_baseline(file).left.gain_mps > 0.0
 
 
 def test_fit_takes_the_geometry_as_identify_does(counts: Path, tmp_path: Path) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 from elftools.dwarf.die import DIE
 from elftools.elf.elffile import ELFFile
 
 
+@cache  # reading the image's debug information takes a quarter of a second
 def member_offset(image: Path, variable: str, *members: str) -> tuple[int, int]:
     """Offset of `variable.a.b.c` from the variable's address, and the size of that member, bytes."""
     with image.open("rb") as file:

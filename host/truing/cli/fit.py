@@ -82,6 +82,8 @@ def command(
     recordings = with_axis(read_runs(runs, model, geometry=geometry), axis)
     with app.progress("fitting") as progress:
         models = fit_models(recordings, richer=more, progress=progress)
+    if out is not None:
+        models.robot_model().save(out)  # first: a closed pipe ends the printing
     app.emit(models.to_json())
     for line in fitted_lines(models, str(runs)):
         app.say(line)
@@ -89,7 +91,6 @@ def command(
     for table in model_tables(models):
         app.show(table.to_rich())
     if out is not None:
-        models.robot_model().save(out)
         app.say(f"written: {out}")
         for side, reason in models.refused.items():
             app.say(f"note: the {side} wheel in it is a copy of the other one, not fitted: {reason}")

@@ -76,10 +76,11 @@ def command(
     recordings = with_axis(read_runs(runs, model, geometry=geometry), axis)
     with app.progress("identifying") as progress:
         result = identify_set(recordings, progress)
+    if write_baseline is not None:
+        result.robot_model().save(write_baseline)  # first: a closed pipe ends the printing
     app.emit(result.to_json())
     show(app, result, str(runs), shapes=shapes)
     if write_baseline is not None:
-        result.robot_model().save(write_baseline)
         app.say(f"written: {write_baseline}")
     if out is not None:
         from truing.report.identification_files import save_identification
