@@ -226,6 +226,13 @@ class PeerFailedError(TruingError):
     """A method that the diagnosis is compared with gives no model of these recordings; says why in words."""
 
 
+class ExpressionError(TruingError):
+    """An expression that is none; the message says where, the next step what is allowed."""
+
+    def __init__(self, text: str, why: str, allowed: str) -> None:
+        super().__init__(f"{text!r}: {why}", f"An expression may hold {allowed}")
+
+
 class LibraryMissingError(TruingError):
     """What was asked for needs a library that is not installed (`extras.py`)."""
 

@@ -23,6 +23,7 @@ from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.result import VERDICTS, Diagnosis
 from truing.importers.mapping import read_mapping
 from truing.plan import parse_plan
+from truing.recording.axis import AXIS_COLUMNS
 from truing.recording.baseline import read_baseline
 from truing.recording.run import NUMERIC_COLUMNS, REQUIRED_COLUMNS
 
@@ -139,8 +140,9 @@ def test_the_page_lists_the_columns_that_are_read() -> None:
     table = section("2. A run").split("### Metadata")[0]
     rows = re.findall(r"^\| (`.+?`) \| (.+?) \|", table, re.M)
     columns = {name: kind for names, kind in rows for name in re.findall(r"`(\w+)`", names)}
-    assert set(columns) == NUMERIC_COLUMNS | {"mode"}
-    assert {name for name, kind in columns.items() if kind == "required"} == set(REQUIRED_COLUMNS)
+    assert set(columns) == NUMERIC_COLUMNS | {"mode"} | set(AXIS_COLUMNS)
+    required = {name for name, kind in columns.items() if kind == "required"}
+    assert required == {*REQUIRED_COLUMNS, "effort"}
 
 
 def test_the_baseline_on_the_page_is_one(tmp_path: Path) -> None:

@@ -14,10 +14,10 @@ from click.testing import CliRunner, Result
 from truing.cli import group
 from truing.cli.app import App
 from truing.cli.import_dialogue import QUESTION
-from truing.errors import RecordingError, TruingError
+from truing.errors import ExpressionError, RecordingError, TruingError
 from truing.identify.identification import identify_set
 from truing.importers.column_guess import guess_columns, sparkline, words
-from truing.importers.expression import Expression, ExpressionError
+from truing.importers.expression import Expression
 from truing.importers.mapping import filled_pose
 from truing.importers.proposal import propose
 from truing.importers.text_table import read_text_table

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from truing.arrays import FloatArray
-from truing.errors import TruingError
+from truing.errors import ExpressionError
 
 _BINARY: dict[type[ast.operator], Callable[[FloatArray, FloatArray], FloatArray]] = {
     ast.Add: operator.add,
@@ -42,13 +42,6 @@ _LONGEST = 500
 _DEEPEST = 40
 
 
-class ExpressionError(TruingError):
-    """An expression that is none; the message says where, the next step what is allowed."""
-
-    def __init__(self, text: str, why: str) -> None:
-        super().__init__(f"{text!r}: {why}", f"An expression may hold {ALLOWED}")
-
-
 class Expression:
     """A parsed expression.
 
@@ -61,12 +54,12 @@ class Expression:
     def __init__(self, text: str) -> None:
         self.text = text
         if len(text) > _LONGEST:
-            raise ExpressionError(text[:40] + "…", f"longer than {_LONGEST} characters")
+            raise ExpressionError(text[:40] + "…", f"longer than {_LONGEST} characters", ALLOWED)
         self._quoted: dict[str, str] = {}
         try:
             self._tree = ast.parse(_QUOTED.sub(self._placeholder, text).strip(), mode="eval").body
         except (SyntaxError, ValueError, RecursionError, MemoryError):
-            raise ExpressionError(text, "not an expression") from None
+            raise ExpressionError(text, "not an expression", ALLOWED) from None
         self.names = tuple(dict.fromkeys(self._names(self._tree, 0)))
 
     def evaluate(self, values: Mapping[str, FloatArray | float]) -> FloatArray:
@@ -87,7 +80,7 @@ class Expression:
     def _names(self, node: ast.AST, depth: int) -> Iterator[str]:
         """The names in a tree, once each of its nodes is found to be allowed."""
         if depth > _DEEPEST:
-            raise ExpressionError(self.text, "nested too deeply")
+            raise ExpressionError(self.text, "nested too deeply", ALLOWED)
         if isinstance(node, ast.Name):
             name = self._quoted.get(node.id, node.id)
             if name not in CONSTANTS:
@@ -96,7 +89,7 @@ class Expression:
         children: list[ast.expr]
         if isinstance(node, ast.Constant):
             if isinstance(node.value, bool) or not isinstance(node.value, (int, float)):
-                raise ExpressionError(self.text, f"{node.value!r} is no number")
+                raise ExpressionError(self.text, f"{node.value!r} is no number", ALLOWED)
             return
         if isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
             children = [node.left, node.right]
@@ -104,13 +97,13 @@ class Expression:
             children = [node.operand]
         elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
             if node.func.id not in FUNCTIONS:
-                raise ExpressionError(self.text, f"there is no function {node.func.id!r}")
+                raise ExpressionError(self.text, f"there is no function {node.func.id!r}", ALLOWED)
             count = 2 if node.func.id == "atan2" else 1
             if len(node.args) != count:
-                raise ExpressionError(self.text, f"{node.func.id} takes {count} value(s)")
+                raise ExpressionError(self.text, f"{node.func.id} takes {count} value(s)", ALLOWED)
             children = node.args
         else:
-            raise ExpressionError(self.text, f"{type(node).__name__} is not allowed")
+            raise ExpressionError(self.text, f"{type(node).__name__} is not allowed", ALLOWED)
         for child in children:
             yield from self._names(child, depth + 1)
 
@@ -124,7 +117,7 @@ class Expression:
                 return np.asarray(values[name], dtype=np.float64)
             if name in CONSTANTS:
                 return np.asarray(CONSTANTS[name])
-            raise ExpressionError(self.text, f"there is no column or constant {name!r}")
+            raise ExpressionError(self.text, f"there is no column or constant {name!r}", ALLOWED)
         if isinstance(node, ast.BinOp):
             return _BINARY[type(node.op)](self._value(node.left, values), self._value(node.right, values))
         if isinstance(node, ast.UnaryOp):

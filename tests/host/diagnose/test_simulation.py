@@ -175,7 +175,7 @@ def test_a_file_dropped_into_a_folder_of_effects_is_part_of_the_simulation(
         '"""A constant push backwards."""\n'
         "from truing.diagnose.effect import Effect, Parameter\n\n\n"
         "def push(force):\n    return -force\n\n\n"
-        "EFFECT = Effect('headwind', 'headwind', 'u - f', 'weather', 'slow', {},\n"
+        "EFFECT = Effect('headwind', 'headwind', 'u - f', 'weather', 'slow', {}, 'driving',\n"
         "                (Parameter('force', 'effort', 0.0, 1.0, 0.0, (0.1,)),))\n"
     )
     monkeypatch.syspath_prepend(str(tmp_path))
