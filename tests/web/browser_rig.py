@@ -122,8 +122,8 @@ def cycles(page: Page) -> int:
 def drive_by_key(page: Page) -> None:
     """Hold a key until the robot moves.
 
-    On a busy machine a page's heartbeat may be late enough for it to lose control, as intended; then the key
-    is pressed again.
+    On a busy machine a page's heartbeat may be late enough for it to lose control, or the link be lost for a
+    moment, after which a key has to be released, as intended; then the key is pressed again.
     """
     page.keyboard.down("ArrowUp")
     wait(lambda: live(page, "state.driver") == "you" or _press_again(page), "control", 60.0)
@@ -131,10 +131,11 @@ def drive_by_key(page: Page) -> None:
 
 
 def _press_again(page: Page) -> bool:
-    if live(page, "state.driver") == "none":
+    driver = live(page, "state.driver")
+    if driver == "none" or (driver == "you" and board_state(page) == "idle"):
         page.keyboard.up("ArrowUp")
         page.keyboard.down("ArrowUp")
-        time.sleep(0.3)
+        time.sleep(1.0)
     return False
 
 

@@ -25,12 +25,12 @@ class Timing:
 
     A round trip takes 2 ms on the wire and up to 20 ms through a USB adapter that collects bytes
     for 16 ms; the first wait is beyond both. Waits then grow, so that a board which is merely slow
-    is not buried in repeats.
+    is not buried in repeats; a board whose sequence needs its host waits half a second for any of them.
     """
 
     first_wait_s: float = 0.05
     growth: float = 1.4
-    longest_wait_s: float = 0.25
+    longest_wait_s: float = 0.12
     patience_s: float = 4.0
 
 
