@@ -20,6 +20,11 @@ static inline float clampf(float value, float low, float high)
     return value < high ? value : high;
 }
 
+static inline float absf(float value)
+{
+    return value < 0.0f ? -value : value;
+}
+
 /* `from` moved towards `to` by at most `step`; exactly `to` when that is within reach. */
 static inline float slew(float from, float to, float step)
 {

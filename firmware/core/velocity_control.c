@@ -13,11 +13,6 @@ static float sign(float value)
     return value < 0.0f ? -1.0f : 0.0f;
 }
 
-static float magnitude(float value)
-{
-    return value < 0.0f ? -value : value;
-}
-
 void velocity_control_reset(struct velocity_control *control, float speed_mps, float effort)
 {
     control->tracked_mps = speed_mps;
@@ -53,8 +48,8 @@ static void remember(struct velocity_control *control)
 static float share_of_gain(const struct velocity_gains *gains, float meant_mps, float measured_mps)
 {
     const float full_s = tick_s * (float)VELOCITY_CONTROL_FULL_GAIN_MS;
-    const float meant = magnitude(meant_mps);
-    const float half = 0.5f * magnitude(measured_mps);
+    const float meant = absf(meant_mps);
+    const float half = 0.5f * absf(measured_mps);
     const float travel_m = full_s * (meant > half ? meant : half);
     return travel_m < gains->metres_per_count ? travel_m / gains->metres_per_count : 1.0f;
 }
@@ -63,7 +58,7 @@ static float share_of_gain(const struct velocity_gains *gains, float meant_mps, 
  * a standing wheel cannot oscillate. */
 static bool stalled(const struct velocity_gains *gains, float meant_mps, const struct wheel_measure *measured)
 {
-    return measured->span_s * magnitude(meant_mps) > 2.0f * gains->metres_per_count;
+    return measured->span_s * absf(meant_mps) > 2.0f * gains->metres_per_count;
 }
 
 static float feed_forward(const struct velocity_gains *gains, float speed_mps, float acceleration_mps2)

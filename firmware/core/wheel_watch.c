@@ -114,11 +114,10 @@ static void approach(struct wheel_start *start, float acceleration_mps2, float c
     }
 }
 
-/* How a start from rest under this effort goes: without friction, and with stiff wheels and twice the mass.
- */
+/* How a start from rest under this effort goes: without friction, and with stiff wheels and double mass. */
 static void expect_start(struct wheel_watch *watch, const struct tuning *tuning, int wheel, float effort)
 {
-    const float size = effort < 0.0f ? -effort : effort;
+    const float size = absf(effort);
     const float surplus = size - start_friction_share * tuning->stall_effort;
     const float counts_m = (float)(WHEEL_WATCH_DITHER_COUNTS + 1) * tuning->metres_per_count;
     const float ka = tuning->watch_ka[wheel];
@@ -294,7 +293,7 @@ static bool turns_against_push(const struct wheel_watch *watch)
  * wheels stand on one slope, and bear it in the same proportion as the chassis shares their efforts. */
 static bool other_may_turn_back(float effort, float other)
 {
-    const float size = other < 0.0f ? -other : other;
+    const float size = absf(other);
     if (other > 0.0f) {
         return effort + least_friction - (1.0f - chassis_share) * borne_effort < chassis_share * size;
     }

@@ -23,7 +23,7 @@ enum {
     WHEEL_WATCH_UNTURNED_MS = WHEEL_WATCH_HISTORY_MS - WHEEL_WATCH_TURNED_MS - WHEEL_WATCH_TURNING_MS,
 };
 
-/* A start from rest as the feedforward's ka foretells it. */
+/* A start from rest as the feedforward's ka predicts it. */
 struct wheel_start {
     float mps;
     float way_m;

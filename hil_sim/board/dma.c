@@ -35,8 +35,7 @@ enum { LISR, HISR, LIFCR, HIFCR, FIRST_STREAM_AT = 0x10, STREAM_SIZE = 0x18 };
 /* Where the flags of streams 0 to 3, and of 4 to 7, lie in their register. */
 static const uint8_t flags_at[4] = {0, 6, 16, 22};
 
-/* Requests that are modelled, RM0090 tables 42 and 43: a serial port is asked for by DMA, stream and channel.
- */
+/* Requests that are modelled, RM0090 tables 42 and 43: those of serial ports, by DMA, stream and channel. */
 static const struct source {
     uint8_t dma, stream, channel, usart;
     bool transmit;

@@ -131,7 +131,7 @@ static void leap(struct board *b, uint64_t now_ps)
     }
 }
 
-/* Takes in every change up to the present moment that the wires foretold. Whatever moves the robot on comes
+/* Takes in every change up to the present moment that the wires predict. Whatever moves the robot on comes
  * after this, or its past would be lost. */
 void encoder_lines_follow(struct board *b)
 {

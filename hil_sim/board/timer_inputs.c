@@ -47,6 +47,22 @@ static int encoder_of(const struct timer *t)
     return (t->encoder_source < 0 ? -t->encoder_source : t->encoder_source) - 1;
 }
 
+/* Which phase of its encoder a channel sees, and which channel a phase reaches. */
+static int crossed(const struct timer *t, int phase)
+{
+    return t->encoder_source > 0 ? phase : 1 - phase;
+}
+
+/* The levels that the lines have now have long passed the filters. */
+static void settle_inputs(const struct board *b, struct timer *t)
+{
+    const uint32_t levels = b->encoder[encoder_of(t)].levels;
+    for (int channel = 0; channel < 2; channel++) {
+        const bool level = encoder_line_is_high(levels, crossed(t, channel));
+        t->input[channel] = (struct timer_input){.level = level, .passed = level};
+    }
+}
+
 /* Pins have been routed anew, or the timer's mode has changed. */
 void timer_route_encoder(struct board *b, int timer)
 {
@@ -60,10 +76,8 @@ void timer_route_encoder(struct board *b, int timer)
     b->encoder_timers |= source != 0 ? 1u << timer : 0u;
     encoder_lines_begin(b);
     encoder_lines_follow(b);
-    for (int channel = 0; channel < 2 && source != 0; channel++) {
-        const int phase = source > 0 ? channel : 1 - channel;
-        const bool level = encoder_line_is_high(b->encoder[encoder_of(t)].levels, phase);
-        t->input[channel] = (struct timer_input){.level = level, .passed = level};
+    if (source != 0) {
+        settle_inputs(b, t);
     }
 }
 
@@ -180,7 +194,7 @@ void timer_line_edge(struct board *b, int encoder, int phase, bool high, uint64_
         if (encoder_of(t) != encoder) {
             continue;
         }
-        const int channel = t->encoder_source > 0 ? phase : 1 - phase;
+        const int channel = crossed(t, phase);
         pass_due(b, timer, time_ps);
         t->input[channel].level = high;
         t->input[channel].due_ps = time_ps + filter_ps(b, timer, channel);
@@ -211,11 +225,7 @@ void timer_disc_turned(struct board *b, int encoder, int64_t counts)
         }
         const bool reverse = (t->encoder_source < 0) != (inverted(t, 0) != inverted(t, 1));
         const int64_t seen = (t->smcr & 7u) == 3 ? counts : counts / 2;
-        for (int channel = 0; channel < 2; channel++) {
-            const int phase = t->encoder_source > 0 ? channel : 1 - channel;
-            const bool level = encoder_line_is_high(b->encoder[encoder].levels, phase);
-            t->input[channel] = (struct timer_input){.level = level, .passed = level};
-        }
+        settle_inputs(b, t);
         move_counter(t, reverse ? -seen : seen);
     }
 }

@@ -6,7 +6,6 @@
 #include <string.h>
 
 #define PS_PER_US  1000000ULL
-#define PS_PER_NS  1000ULL
 #define STEP_PS    (PLANT_STEP_US * PS_PER_US)
 #define CRYSTAL_HZ 8000000U
 #define LINK_BAUD  921600.0
@@ -39,9 +38,7 @@ struct rig {
     struct encoder {
         enum rig_encoder_fault fault;
         int64_t offset; /* keeps the counts continuous when a fault comes or goes */
-        struct rig_encoder_noise noise;
-        int64_t seen;        /* position at the last asking */
-        uint64_t rose_ps[2]; /* when the line of phase A, of phase B began to rise */
+        struct line_noise noise;
     } encoder[RIG_WHEELS];
     bool encoders_swapped;
     bool swapped, motor_connected[RIG_WHEELS], sense_connected;
@@ -148,90 +145,13 @@ static int64_t encoder_position(void *context, int encoder, uint64_t time_ps)
     return as_wired(r->encoder[encoder].fault, position) + r->encoder[encoder].offset;
 }
 
-static bool is_high(int64_t position, int phase)
-{
-    const uint64_t state = (uint64_t)position & 3u;
-    return phase == 0 ? state == 1 || state == 2 : state >= 2;
-}
-
-/* A time within pulses of a width that alternate with pauses of the same; both begin at a multiple of it. */
-static bool in_pulse(uint64_t since_ps, uint64_t width_ns)
-{
-    return since_ps / (width_ns * PS_PER_NS) % 2 == 1;
-}
-
-static uint8_t burst_bits(const struct rig_encoder_noise *noise, uint64_t time_ps)
-{
-    const uint64_t first_ps = noise->first_us * PS_PER_US;
-    if (noise->period_us == 0 || time_ps < first_ps) {
-        return 0;
-    }
-    const uint64_t within_ps = (time_ps - first_ps) % (noise->period_us * PS_PER_US);
-    if (within_ps >= noise->burst_us * PS_PER_US || !in_pulse(within_ps, noise->pulse_ns)) {
-        return 0;
-    }
-    return within_ps / (noise->pulse_ns * PS_PER_NS) / 2 % 2 == 0 ? 1 : 2;
-}
-
 static uint8_t encoder_noise(void *context, int encoder, uint64_t time_ps)
 {
     struct rig *r = context;
-    if (encoder < 0 || encoder >= RIG_WHEELS) {
+    if (encoder < 0 || encoder >= RIG_WHEELS || !line_noise_is_on(&r->encoder[encoder].noise)) {
         return 0;
     }
-    struct encoder *e = &r->encoder[encoder];
-    const struct rig_encoder_noise *noise = &e->noise;
-    if (noise->period_us == 0 && noise->rise_ns == 0) {
-        return 0;
-    }
-    const int64_t position = encoder_position(context, encoder, time_ps);
-    uint8_t bits = burst_bits(noise, time_ps);
-    for (int phase = 0; phase < 2; phase++) {
-        if (is_high(position, phase) && !is_high(e->seen, phase)) {
-            e->rose_ps[phase] = time_ps;
-        }
-        const uint64_t since_ps = time_ps - e->rose_ps[phase];
-        const bool rising = is_high(position, phase) && since_ps < noise->rise_ns * PS_PER_NS;
-        if (rising && (noise->bounce_ns == 0 || !in_pulse(since_ps, noise->bounce_ns))) {
-            bits ^= (uint8_t)(1u << phase);
-        }
-    }
-    e->seen = position;
-    return bits;
-}
-
-static uint64_t earlier(uint64_t one, uint64_t other)
-{
-    return one < other ? one : other;
-}
-
-/* The next multiple of a width after a time since the beginning of pulses. */
-static uint64_t next_multiple(uint64_t since_ps, uint64_t width_ns)
-{
-    return (since_ps / (width_ns * PS_PER_NS) + 1) * width_ns * PS_PER_NS;
-}
-
-static uint64_t noise_quiet_until(const struct encoder *e, uint64_t time_ps)
-{
-    const struct rig_encoder_noise *noise = &e->noise;
-    uint64_t until_ps = UINT64_MAX;
-    if (noise->period_us != 0) {
-        const uint64_t first_ps = noise->first_us * PS_PER_US;
-        const uint64_t period_ps = noise->period_us * PS_PER_US;
-        const uint64_t within_ps = time_ps < first_ps ? 0 : (time_ps - first_ps) % period_ps;
-        const uint64_t next_ps = next_multiple(within_ps, noise->pulse_ns);
-        const bool over = next_ps >= noise->burst_us * PS_PER_US && within_ps >= noise->burst_us * PS_PER_US;
-        until_ps = time_ps < first_ps ? first_ps : time_ps - within_ps + (over ? period_ps : next_ps);
-    }
-    for (int phase = 0; phase < 2 && noise->rise_ns != 0; phase++) {
-        const uint64_t since_ps = time_ps - e->rose_ps[phase];
-        if (is_high(e->seen, phase) && since_ps < noise->rise_ns * PS_PER_NS) {
-            const uint64_t width_ns = noise->bounce_ns != 0 ? noise->bounce_ns : noise->rise_ns;
-            until_ps = earlier(until_ps, e->rose_ps[phase] + earlier(next_multiple(since_ps, width_ns),
-                                                                     noise->rise_ns * PS_PER_NS));
-        }
-    }
-    return until_ps;
+    return line_noise_bits(&r->encoder[encoder].noise, encoder_position(context, encoder, time_ps), time_ps);
 }
 
 /* A picosecond is added so that the edge has come for certain by then. */
@@ -241,13 +161,14 @@ static uint64_t encoder_quiet_until(void *context, int encoder, uint64_t time_ps
     if (encoder < 0 || encoder >= RIG_WHEELS) {
         return UINT64_MAX;
     }
-    const uint64_t noise_ps = noise_quiet_until(&r->encoder[encoder], time_ps);
+    const uint64_t noise_ps = line_noise_quiet_until(&r->encoder[encoder].noise, time_ps);
     if (r->plant == NULL) {
         return noise_ps;
     }
     double steps = plant_encoder_quiet_steps(r->plant, wheel_of(r, encoder), share_of_step(r, time_ps));
     steps = steps < MAX_QUIET_STEPS ? steps : MAX_QUIET_STEPS;
-    return earlier(noise_ps, time_ps + (uint64_t)(steps * (double)STEP_PS) + 1);
+    const uint64_t edge_ps = time_ps + (uint64_t)(steps * (double)STEP_PS) + 1;
+    return edge_ps < noise_ps ? edge_ps : noise_ps;
 }
 
 static double pin_voltage(void *context, struct board_pin pin, uint64_t time_ps)
@@ -412,15 +333,10 @@ void rig_truth(struct rig *rig, struct plant_state *out)
     }
 }
 
-static bool is_noisy(const struct rig_encoder_noise *noise)
-{
-    return noise->period_us != 0 || noise->rise_ns != 0;
-}
-
 /* The board asks anew what the lines of an input do. */
 static void disturb(struct rig *rig, int encoder)
 {
-    board_encoder_disturbed(rig->board, encoder, is_noisy(&rig->encoder[encoder].noise));
+    board_encoder_disturbed(rig->board, encoder, line_noise_is_on(&rig->encoder[encoder].noise));
 }
 
 bool rig_set_unmodelled_effects(struct rig *rig, const struct plant_unmodelled_effects *effects)
@@ -498,8 +414,9 @@ bool rig_encoder_noise(struct rig *rig, int wheel, const struct rig_encoder_nois
     const bool good = wheel >= 0 && wheel < RIG_WHEELS && noise->burst_us <= noise->period_us &&
                       (noise->period_us == 0 || noise->pulse_ns > 0);
     if (good) {
-        rig->encoder[wheel].noise = *noise;
-        rig->encoder[wheel].seen = encoder_position(rig, wheel, board_time_ps(rig->board));
+        struct line_noise *line = &rig->encoder[wheel].noise;
+        line->of = *noise;
+        line->seen = encoder_position(rig, wheel, board_time_ps(rig->board));
         disturb(rig, wheel);
     }
     return good;
