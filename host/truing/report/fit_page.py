@@ -5,12 +5,9 @@ from __future__ import annotations
 import json
 import re
 from html import escape
-from importlib import resources
 from pathlib import Path
-from string import Template
 from typing import Any
 
-from truing import __version__
 from truing.identify.model_ladder import SetModels
 from truing.identify.model_tables import model_tables
 from truing.identify.simulate import Simulation, simulate
@@ -19,8 +16,8 @@ from truing.progress import Progress
 from truing.recording.run import RecordingSet, Run, Wheel
 from truing.recording.writer import replace_file
 from truing.report.figures import Figure, figure_numbers, speeds_layout
+from truing.report.html_page import html_page, html_table, plot_places
 from truing.report.png import save_table
-from truing.report.run_page import figures_json, html_table, plot_script
 from truing.report.run_view import COLOURS
 
 
@@ -79,12 +76,8 @@ def _figure(run: Run, simulations: dict[Wheel, Simulation]) -> Figure:
 
 
 def _page(recordings: RecordingSet, models: SetModels, figures: dict[str, Figure]) -> str:
-    places = "".join(
-        f'<div class="plots single"><div class="plot" id="{name}"></div></div>' for name in figures
-    )
-    template = Template(resources.files("truing").joinpath("report/page.html").read_text("utf-8"))
-    return template.substitute(
-        title=escape(models.name),
+    return html_page(
+        title=models.name,
         kicker="truing · models of a two-wheel robot",
         lead="<br>".join(map(escape, fitted_lines(models, recordings.name)))
         + "<br>"
@@ -93,11 +86,7 @@ def _page(recordings: RecordingSet, models: SetModels, figures: dict[str, Figure
             "simulation, which sees the efforts and never the measured speeds; left-out runs were not "
             "used in their fit."
         ),
-        facts="",
-        findings="",
         results="<h2>Models</h2>" + "".join(html_table(table) for table in model_tables(models)),
-        runs=f"<h2>The chosen models against the runs</h2>{places}",
-        footer=f"Written by truing {escape(__version__)}.",
-        plots=plot_script(),
-        figures=figures_json(figures),
+        runs=f"<h2>The chosen models against the runs</h2>{plot_places(figures)}",
+        figures=figures,
     )

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from html import escape
-from importlib import resources
 from pathlib import Path
-from string import Template
 from typing import TYPE_CHECKING, Any
 
-from truing import __version__
 from truing.errors import OutputError
 from truing.recording.run import Run
 from truing.recording.writer import replace_file
 from truing.report.figures import AXIS, FONT, Figure, axis_title, figure_heading, figure_numbers
+from truing.report.html_page import html_page, plot_places
 from truing.report.png import save_picture
-from truing.report.run_page import figures_json, plot_script
 from truing.report.run_view import COLOURS, NEUTRAL
 
 if TYPE_CHECKING:
@@ -36,25 +33,14 @@ def save_preview(run: Run, labels: Mapping[str, str], path: Path) -> Path:
     if path.suffix.lower() not in (".html", ".htm"):
         raise OutputError(path, "a preview is .html or .png")
     figures = {f"column-{k}": _figure(run, name, label) for k, (name, label) in enumerate(labels.items())}
-    size = f"min-height:{HEIGHT_PX}px"
-    places = "".join(
-        f'<div class="plots single"><div class="plot" id="{name}" style="{size}"></div></div>'
-        for name in figures
-    )
-    template = Template(resources.files("truing").joinpath("report/page.html").read_text("utf-8"))
-    page = template.substitute(
-        title=escape(run.name),
+    page = html_page(
+        title=run.name,
         kicker="truing · preview of an import",
         lead=escape(
             f"{len(run)} rows, {run.duration_s:.4g} s at {run.rate_hz:.4g} Hz, as a run would have them."
         ),
-        facts="",
-        findings="",
-        results="",
-        runs=places,
-        footer=f"Written by truing {escape(__version__)}.",
-        plots=plot_script(),
-        figures=figures_json(figures),
+        runs=plot_places(figures, f"min-height:{HEIGHT_PX}px"),
+        figures=figures,
     )
     replace_file(path, page.encode("utf-8"))
     return path

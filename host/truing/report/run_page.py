@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import base64
-import json
 from collections.abc import Mapping
 from html import escape
-from importlib import resources
 from pathlib import Path
-from string import Template
 from typing import Any
 
-from truing import __version__
 from truing.identify.data_checks import summarise
 from truing.identify.identification import Identification
 from truing.identify.summary import identified_lines
-from truing.identify.tables import PlainTable, fits_csv, result_tables, steps_csv, unstepped
+from truing.identify.tables import fits_csv, result_tables, steps_csv, unstepped
 from truing.recording.run import RecordingSet, Run, RunMetadata
 from truing.recording.writer import replace_file
-from truing.report.figures import Figure, run_figures, slimmed
+from truing.report.figures import run_figures
+from truing.report.html_page import html_page, html_table, plot_places
 from truing.report.overlays import Overlay, overlay_figure, overlays
 from truing.report.run_view import RunView, view_run
 
@@ -41,9 +38,8 @@ def render_report(recordings: RecordingSet, result: Identification) -> str:
     laid_over = overlays(recordings, result) if len(recordings) > 1 else []
     figures |= {overlay.name: overlay_figure(overlay) for overlay in laid_over}
     title = views[0].title if len(views) == 1 else recordings.name
-    template = Template(resources.files("truing").joinpath("report/page.html").read_text("utf-8"))
-    return template.substitute(
-        title=escape(title),
+    return html_page(
+        title=title,
         kicker="truing · identification of a two-wheel robot",
         lead="<br>".join(map(escape, (_lead(recordings), *identified_lines(result, recordings.name)))),
         facts=_facts(_set_facts(recordings, result)),
@@ -53,10 +49,8 @@ def render_report(recordings: RecordingSet, result: Identification) -> str:
             _run_section(run, view, number)
             for number, (run, view) in enumerate(zip(recordings, views, strict=True), start=1)
         ),
-        footer=f"Written by truing {escape(__version__)}. "
-        "Speeds are means over each sampling interval, drawn at its middle.",
-        plots=plot_script(),
-        figures=figures_json(figures),
+        footer="Speeds are means over each sampling interval, drawn at its middle.",
+        figures=figures,
     )
 
 
@@ -124,10 +118,7 @@ def _results(result: Identification) -> str:
 def _overlay_section(laid_over: list[Overlay]) -> str:
     if not laid_over:
         return ""
-    places = "".join(
-        f'<div class="plots single"><div class="plot" id="{overlay.name}"></div></div>'
-        for overlay in laid_over
-    )
+    places = plot_places(overlay.name for overlay in laid_over)
     lead = (
         "Runs of one kind over each other: speeds over what the largest level asks for, dashed the inputs "
         "over the largest."
@@ -138,35 +129,6 @@ def _overlay_section(laid_over: list[Overlay]) -> str:
 def _download(name: str, text: str) -> str:
     data = base64.b64encode(text.encode("utf-8")).decode("ascii")
     return f'<a download="{name}" href="data:text/csv;base64,{data}">{name}</a>'
-
-
-def html_table(table: PlainTable) -> str:
-    """A table as HTML, its notes and remarks below it."""
-
-    def cell(tag: str, text: str, numeric: bool) -> str:
-        kind = ' class="number"' if numeric else ""
-        return f"<{tag}{kind}>{_marked(text)}</{tag}>"
-
-    head = "".join(cell("th", name, number) for name, number in zip(table.header, table.numeric, strict=True))
-    body = []
-    for row, begins_group in table.grouped():
-        # A line above each new run or wheel lets the eye find its rows.
-        first = ' class="first"' if begins_group else ""
-        cells = "".join(cell("td", text, number) for text, number in zip(row, table.numeric, strict=True))
-        body.append(f"<tr{first}>{cells}</tr>")
-    notes = [f"<p><sup>{number}</sup> {escape(note)}</p>" for number, note in enumerate(table.notes, start=1)]
-    notes += [f"<p>{escape(remark)}</p>" for remark in table.remarks]
-    return (
-        f'<div class="scroll"><table><caption>{escape(table.title)}</caption><thead><tr>{head}</tr></thead>'
-        f'<tbody>{"".join(body)}</tbody></table></div><div class="notes">{"".join(notes)}</div>'
-    )
-
-
-def _marked(text: str) -> str:
-    """A cell with its note marks raised and the wheels in their colours."""
-    if text in ("left", "right"):
-        return f'<span class="{text}">{text}</span>'
-    return escape(text).replace("[", "<sup>").replace("]", "</sup>").replace("\n", "<br>")
 
 
 def _run_section(run: Run, view: RunView, number: int) -> str:
@@ -229,19 +191,3 @@ def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
 
 def _text(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def plot_script() -> str:
-    """What draws the figures, so that a page needs no network."""
-    return resources.files("truing").joinpath("report/plots.js").read_text("utf-8")
-
-
-def figures_json(figures: Mapping[str, Figure]) -> str:
-    """The figures of a page for its script, with no more points than the page may have in all."""
-    return script_json(slimmed(figures))
-
-
-def script_json(value: Any) -> str:
-    """JSON that may stand inside a script element, whatever names the user's files have."""
-    text = json.dumps(value, separators=(",", ":"), allow_nan=False, ensure_ascii=True)
-    return text.replace("<", "\\u003c")

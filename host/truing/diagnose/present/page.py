@@ -5,11 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from html import escape
-from importlib import resources
 from pathlib import Path
-from string import Template
 
-from truing import __version__
 from truing.diagnose.present import charts as charts
 from truing.diagnose.present.axis_page import figures_of, of_left, said
 from truing.diagnose.present.cells import FALSE_DISCOVERY_RATE, Bins, Located, locate
@@ -36,7 +33,7 @@ from truing.identify.tables import PlainTable
 from truing.recording.run import RecordingSet
 from truing.recording.writer import replace_file
 from truing.report.figures import Figure
-from truing.report.run_page import figures_json, html_table, plot_script
+from truing.report.html_page import html_page, html_table
 
 MAX_SPANS = 12
 
@@ -69,20 +66,18 @@ def render_report(recordings: RecordingSet, diagnosis: Diagnosis, *, board: bool
         page.to_do(),
     )
     lead = "<br>".join(map(escape, first_screen(diagnosis, board=page.board)))
-    template = Template(resources.files("truing").joinpath("report/page.html").read_text("utf-8"))
     seconds = f" in {diagnosis.seconds:.0f} s" if math.isfinite(diagnosis.seconds) else ""
-    return template.substitute(
-        title=escape(headline(diagnosis) if axis is None else axis.text(headline(diagnosis))),
+    return html_page(
+        title=headline(diagnosis) if axis is None else axis.text(headline(diagnosis)),
         kicker=f"truing · diagnosis of {escape(diagnosis.name)} · {escape(HEADINGS[diagnosis.verdict])}",
         lead=said(f"<span>{lead}</span>", axis),
         facts=said(page.facts(), axis),
-        findings="",
         results=said("".join(sections), axis),
         runs=said(page.runs(), axis),
-        footer=f"Written by truing {escape(__version__)}{seconds}. Every error is of free-run simulation: "
-        "the model sees the efforts and never the measured speeds. Speeds are means over each interval.",
-        plots=plot_script(),
-        figures=figures_json(figures_of(page.figures, axis)),
+        written=seconds,
+        footer="Every error is of free-run simulation: the model sees the efforts and never the measured "
+        "speeds. Speeds are means over each interval.",
+        figures=figures_of(page.figures, axis),
     )
 
 
