@@ -9,7 +9,7 @@ from truing.api.models import AnyModel, as_robot_model, corrected
 from truing.diagnose.present.exports import BOARD, Export, write_export
 from truing.diagnose.result import Diagnosis
 from truing.errors import OutputError, TruingError
-from truing.exporters import ExportOptions, exporter, exporters, notes
+from truing.exporters import ExportOptions, exporter, exporters, write_model
 from truing.exporters.terms import DEFAULTS
 from truing.recording.frames import preformatted
 from truing.recording.writer import check_output
@@ -69,11 +69,8 @@ def export(
     if isinstance(model, Diagnosis):
         return _of_diagnosis(model, path, kind, options)
     robot, unused = as_robot_model(model)
-    files = exporter(kind).write(robot, path, options)
-    lines = [f"note: {note}" for note in unused]
-    lines += [f"written: {file}" for file in files]
-    lines += [f"note: {kind}: {note}" for note in notes(kind, robot, options)]
-    return Exported(kind, files, tuple(lines))
+    files, lines = write_model(kind, robot, path, options)
+    return Exported(kind, files, (*(f"note: {note}" for note in unused), *lines))
 
 
 def _of_diagnosis(diagnosis: Diagnosis, path: Path, kind: str, options: ExportOptions) -> Exported:

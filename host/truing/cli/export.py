@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from truing.cli.app import App
-from truing.cli.options import json_option
+from truing.cli.options import POSITIVE, json_option
 
 # Kind, and what it is; a test keeps this equal to the exporters, which take time to import.
 KINDS: dict[str, str] = {
@@ -23,7 +23,6 @@ KINDS: dict[str, str] = {
     "wpilib": "feedforward gains kS, kV, kA",
     "fmu": "FMI 2.0 co-simulation unit for Linux on x86-64, with its C sources",
 }
-POSITIVE = click.FloatRange(min=0.0, min_open=True)
 
 
 class _Command(click.Command):

@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING
 import click
 
 from truing.cli.app import App
-from truing.cli.options import axis_option, json_option
+from truing.cli.options import POSITIVE, axis_option, json_option
 
 if TYPE_CHECKING:
     from truing.importers import Imported
     from truing.importers.mapping import Mapping
     from truing.recording.axis import Motion
-
-POSITIVE = click.FloatRange(min=0.0, min_open=True)
 
 
 @click.command("import", no_args_is_help=True)

@@ -64,8 +64,6 @@ def agreed_mapping(
     asks = app.asks and not yes
     while True:
         _show(app, tables[0], proposal)
-        if not asks:
-            check_complete(proposal, files[0])
         mapping = None
         try:
             check_complete(proposal, files[0])
@@ -150,7 +148,7 @@ def _labels(run: Run) -> dict[str, str]:
     """Columns to preview, by their names in the file that will be written."""
     from truing.recording.axis import axis_names
 
-    names = list(run.order) if run.axis is None else list(axis_names(list(run.order), run.axis))
-    shown = names if run.axis is None else list(axis_names(names, run.axis).values())
+    names = list(run.order)
+    labels = {name: name for name in names} if run.axis is None else axis_names(names, run.axis)
     wanted = ("effort", "ticks", "pos", "vel", "truth", "gyro", "battery")
-    return {name: label for name, label in zip(names, shown, strict=True) if label.split("_")[0] in wanted}
+    return {name: label for name, label in labels.items() if label.split("_")[0] in wanted}

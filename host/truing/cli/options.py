@@ -12,6 +12,7 @@ import click
 from truing.cli.app import App
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+POSITIVE = click.FloatRange(min=0.0, min_open=True)
 
 
 def json_option(function: Command) -> Command:
@@ -30,11 +31,10 @@ def json_option(function: Command) -> Command:
 
 def geometry_options(function: Command) -> Command:
     """`--counts-per-rev`, `--wheel-radius`, `--wheelbase`: what turns counts into metres, as `geometry`."""
-    positive = click.FloatRange(min=0.0, min_open=True)
 
-    @click.option("--counts-per-rev", type=positive, help="Encoder counts per turn of a wheel.")
-    @click.option("--wheel-radius", metavar="METRES", type=positive, help="Radius of the wheels.")
-    @click.option("--wheelbase", metavar="METRES", type=positive, help="Distance between the wheels.")
+    @click.option("--counts-per-rev", type=POSITIVE, help="Encoder counts per turn of a wheel.")
+    @click.option("--wheel-radius", metavar="METRES", type=POSITIVE, help="Radius of the wheels.")
+    @click.option("--wheelbase", metavar="METRES", type=POSITIVE, help="Distance between the wheels.")
     @functools.wraps(function)
     def wrapper(
         *args: Any,

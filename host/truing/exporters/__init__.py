@@ -11,7 +11,7 @@ from truing.model.robot_model import RobotModel
 from .source import read_model
 from .terms import DEFAULTS, ExportOptions, left_out
 
-__all__ = ["ExportOptions", "Exporter", "exporter", "exporters", "notes", "read_model"]
+__all__ = ["ExportOptions", "Exporter", "exporter", "exporters", "notes", "read_model", "write_model"]
 
 
 class Exporter(Protocol):
@@ -75,6 +75,15 @@ def notes(kind: str, model: RobotModel, options: ExportOptions = DEFAULTS) -> tu
     remarks = getattr(module, "remarks", None)
     more: tuple[str, ...] = remarks(model, options) if remarks is not None else ()
     return (*left_out(model, module.HOLDS), *more)
+
+
+def write_model(
+    kind: str, model: RobotModel, path: Path, options: ExportOptions = DEFAULTS
+) -> tuple[tuple[Path, ...], list[str]]:
+    """Write a model as one kind: the paths written, and lines that say so and what the kind leaves out."""
+    files = exporter(kind).write(model, path, options)
+    lines = [f"written: {file}" for file in files]
+    return files, lines + [f"note: {kind}: {note}" for note in notes(kind, model, options)]
 
 
 def exporter(kind: str) -> Exporter:

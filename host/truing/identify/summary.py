@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from truing.recording.wheel_text import wheels_text
+from truing.recording.wheel_text import response_text, wheels_text
 
 if TYPE_CHECKING:
     from truing.identify.identification import Identification
@@ -59,11 +59,9 @@ def _identified(result: Identification, runs: str) -> tuple[str, ...]:
         reasons = {fit.gain.reason for fit in result.whole_fits.values() if fit.gain.reason}
         why = "; ".join(sorted(reasons)) or "no wheel is driven"
         return (f"The robot: these recordings do not show its gain ({why}).",)
-    steady = f"{wheels_text(gains, 'm/s', sides=True)} at full effort"
-    lag = f", time constant {wheels_text(times, 's')}" if times else ", time constant unknown"
     left = f"leaves {wheels_text(errors, '%', 2)} of the top speed"
     return (
-        f"The robot: {steady}{lag}.",
+        f"The robot: {response_text(gains, times)}.",
         f"A first-order simulation with these numbers {left}{_changed_gain(result)}.",
         following,
     )
@@ -108,10 +106,7 @@ def fitted_lines(models: SetModels, runs: str = "RUNS") -> tuple[str, ...]:
 
 def _fitted(models: SetModels, runs: str) -> tuple[str, ...]:
     chosen = {wheel.wheel: wheel.chosen for wheel in models.wheels}
-    gains = _known(models, "gain_mps")
-    times = _known(models, "time_constant_s")
-    robot = f"{wheels_text(gains, 'm/s', sides=True)} at full effort" if gains else "its gain is not known"
-    robot += f", time constant {wheels_text(times, 's')}" if times else ", time constant unknown"
+    robot = response_text(_known(models, "gain_mps"), _known(models, "time_constant_s"))
     rubs = _known(models, "friction")
     if rubs and any(fit.physics.friction > 0.0 for fit in chosen.values()):
         percent = {side: 100.0 * value for side, value in rubs.items()}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -175,13 +175,15 @@ def _by_shape(columns: list[Column], table: TextTable) -> list[Column]:
     efforts = sorted(sorted(rest, key=lambda k: -still[k])[:count]) if len(rest) >= 2 else []
     motion = [k for k in rest if k not in efforts][:count]
     found = list(columns)
-    found[time] = _as(columns[time], "time", "")
-    for group, kind in ((efforts, "effort"), (motion, None)):
+    found[time] = replace(columns[time], kind="time", side="", outside=False)
+    groups: tuple[tuple[list[int], Kind | None], ...] = ((efforts, "effort"), (motion, None))
+    for group, kind in groups:
         for place, k in enumerate(group):
             side = ("left", "right")[place] if count == 2 else ""
             seen = values[k][np.isfinite(values[k])]
             whole = bool(np.all(np.round(seen) == seen))
-            found[k] = _as(columns[k], kind or ("ticks" if whole else "vel"), side)  # type: ignore[arg-type]
+            guess: Kind = kind or ("ticks" if whole else "vel")
+            found[k] = replace(columns[k], kind=guess, side=side, outside=False)
     return found
 
 
@@ -189,7 +191,3 @@ def _unevenness(values: FloatArray) -> float:
     """Deviation of the steps over their mean: a clock has steady steps."""
     steps = np.diff(values[np.isfinite(values)])
     return float(np.std(steps)) / max(float(np.mean(steps)), 1e-300)
-
-
-def _as(column: Column, kind: Kind, side: str) -> Column:
-    return Column(column.name, kind, side, column.unit, column.low, column.high, column.missing, column.spark)

@@ -41,7 +41,14 @@ from truing.arrays import FloatArray
 from truing.errors import FileError, RecordingError, TruingError
 from truing.recording.axis import AXIS_COLUMNS, Axis, axis_of, wheel_columns
 from truing.recording.effort_convention import EffortActs, effort_acts, shifted
-from truing.recording.run import EFFORT_PAIR, MOTION_PAIRS, NUMERIC_COLUMNS, REQUIRED_COLUMNS, TRUTH_COLUMNS
+from truing.recording.run import (
+    EFFORT_PAIR,
+    MOTION_PAIRS,
+    NUMERIC_COLUMNS,
+    REQUIRED_COLUMNS,
+    TRUTH_COLUMNS,
+    known_columns,
+)
 
 from .expression import Expression
 from .foreign import ForeignTest
@@ -109,7 +116,7 @@ def parse_mapping(tree: AnyMapping[str, Any], path: Path) -> Mapping:
     columns: dict[str, Source] = {}
     raw, axis = _one_sided(raw)
     for name, value in raw.items():
-        if name not in NUMERIC_COLUMNS and (axis is None or name not in AXIS_COLUMNS):
+        if name not in known_columns(axis):
             known = ", ".join(sorted({*NUMERIC_COLUMNS, *AXIS_COLUMNS}))
             raise FileError(path, f"[columns] {name}: a run has no such column", f"A run has {known}")
         source = _source(path, name, value)

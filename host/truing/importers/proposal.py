@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Sequence
 from collections.abc import Mapping as AnyMapping
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -135,21 +135,13 @@ def propose(
     sides = "effort_left" in found
     found |= _motion(columns, sides, wheel_radius_m, wheelbase_m, constants, notes)
     found |= _others(columns, sides)
-    missing = [
-        words
-        for words, there in (
-            ("time", found["t_s"] is not None),
-            ("effort", any(name.startswith("effort") for name in found)),
-            ("motion", any(name.split("_")[0] in ("ticks", "pos", "vel") for name in found)),
-        )
-        if not there
-    ]
     tree: dict[str, Any] = {"missing": "drop", "columns": {k: v for k, v in found.items() if v is not None}}
     if constants:
         tree["constants"] = constants
     split = next((column.name for column in columns if column.kind == "split"), None)
     if split is not None:
         tree["split"] = {"column": split}
+    missing = _missing(tree["columns"])
     if missing:
         notes.append(f"not found: {', '.join(missing)}")
     return Proposal(tree, tuple(columns), tuple(notes))
@@ -157,16 +149,17 @@ def propose(
 
 def check_complete(proposal: Proposal, path: Path) -> None:
     """Stop where a proposal lacks what a run needs; names the file, what it has and what is due."""
-    names = set(proposal.tree["columns"])
-    lacks = [note for note in proposal.notes if note.startswith("not found")]
-    if lacks and not _is_whole(names):
+    missing = _missing(proposal.tree["columns"])
+    if missing:
         have = ", ".join(column.name for column in proposal.columns)
-        raise RecordingError(path, f"{lacks[0]}; its columns: {have}", next_step=NEEDED)
+        raise RecordingError(path, f"not found: {', '.join(missing)}; its columns: {have}", next_step=NEEDED)
 
 
-def _is_whole(names: set[str]) -> bool:
+def _missing(names: Iterable[str]) -> list[str]:
+    """What a run of these columns lacks."""
     kinds = {name.split("_")[0] for name in names}
-    return "t_s" in names and "effort" in kinds and bool(kinds & {"ticks", "pos", "vel"})
+    needed = {"time": {"t"}, "effort": {"effort"}, "motion": {"ticks", "pos", "vel"}}
+    return [words for words, any_of in needed.items() if not kinds & any_of]
 
 
 def mapping_toml(tree: AnyMapping[str, Any]) -> str:

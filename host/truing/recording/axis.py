@@ -7,6 +7,7 @@ numbers, of which the left one is computed; a rotation's radians stand where a w
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
@@ -93,6 +94,11 @@ def wheel_columns(name: str) -> tuple[str, ...]:
     """The columns of the wheels that one of an axis stands for; the name itself where it is none."""
     kind = next((kind for units in _UNITS.values() for kind, own in units.items() if own == name), name)
     return _PAIRS.get(kind, (name,))
+
+
+def names_of_wheels(names: Sequence[str]) -> list[str]:
+    """Columns of an axis, each by the names of the two wheels' that it stands for."""
+    return [wheel for name in names for wheel in wheel_columns(name)]
 
 
 def as_wheels(columns: dict[str, FloatArray]) -> dict[str, FloatArray]:

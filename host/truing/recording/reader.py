@@ -13,18 +13,18 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.errors import FileError, RecordingError
-from truing.recording.axis import AXIS_COLUMNS, as_wheels, axis_of, wheel_columns
+from truing.recording.axis import as_wheels, axis_of, names_of_wheels
 from truing.recording.baseline import Baseline, read_baseline
 from truing.recording.effort_convention import read_effort_acts, with_effort_before
 from truing.recording.run import (
     MINIMUM_ROWS,
     MODES,
     MOTION_PAIRS,
-    NUMERIC_COLUMNS,
     REQUIRED_COLUMNS,
     RecordingSet,
     Run,
     RunMetadata,
+    known_columns,
 )
 
 METADATA_SUFFIX = ".meta.json"
@@ -40,13 +40,9 @@ def read_run(path: str | Path) -> Run:
     """
     path = Path(path)
     rows, numbers_ok = _split(path, _read_text(path))
-    own = [cell.strip() for cell in rows[0]]
-    axis = axis_of(own)
-    if axis is None:
-        header = check_header(path, rows[0])
-    else:
-        header = own
-        check_header(path, [wheel for name in own for wheel in wheel_columns(name)])
+    header = [cell.strip() for cell in rows[0]]
+    axis = axis_of(header)
+    check_header(path, header if axis is None else names_of_wheels(header))
     body = _check_shape(path, header, rows[1:])
 
     columns: dict[str, FloatArray] = {}
@@ -55,7 +51,7 @@ def read_run(path: str | Path) -> Run:
     for name, cells in zip(header, zip(*body, strict=True), strict=True):
         if name == "mode":
             mode = _check_mode(path, cells)
-        elif name in NUMERIC_COLUMNS or (axis is not None and name in AXIS_COLUMNS):
+        elif name in known_columns(axis):
             columns[name] = _to_numbers(path, name, cells, numbers_ok)
         else:
             unknown = _unknown_numbers(cells)
@@ -162,9 +158,8 @@ def _split(path: Path, text: str) -> tuple[list[list[str]], bool]:
     return rows, text.find("_", text.find("\n")) < 0
 
 
-def check_header(path: Path, cells: list[str]) -> list[str]:
-    """The names of a run's columns without the spaces around them, the required ones among them."""
-    header = [cell.strip() for cell in cells]
+def check_header(path: Path, header: list[str]) -> None:
+    """Check the names of a run's columns: each has one, none comes twice, the required ones are there."""
     if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
         raise RecordingError(path, "the header is not comma separated", next_step="Save the file with commas")
     seen: set[str] = set()
@@ -191,7 +186,6 @@ def check_header(path: Path, cells: list[str]) -> list[str]:
             column="ticks_left",
             next_step=f"The file has: {', '.join(header)}",
         )
-    return header
 
 
 def _check_shape(path: Path, header: list[str], rows: list[list[str]]) -> list[list[str]]:

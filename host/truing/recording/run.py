@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from truing.arrays import FloatArray
 from truing.errors import IdentifyError
-from truing.recording.axis import Axis, Motion
+from truing.recording.axis import AXIS_COLUMNS, Axis, Motion
 from truing.recording.baseline import Baseline, RobotGeometry
 from truing.recording.frames import preformatted, to_frame
 
@@ -42,6 +42,14 @@ OPTIONAL_COLUMNS = (*COMMAND_PAIR, *ODOMETRY_COLUMNS, BATTERY_COLUMN, *TRUTH_COL
 NUMERIC_COLUMNS = frozenset(
     REQUIRED_COLUMNS + OPTIONAL_COLUMNS + tuple(name for pair in MOTION_PAIRS.values() for name in pair)
 )
+
+_NUMERIC_OF_AXIS = NUMERIC_COLUMNS | frozenset(AXIS_COLUMNS)
+
+
+def known_columns(axis: Axis | None) -> frozenset[str]:
+    """Columns of numbers that a run knows, in the file's names: of two wheels, or of an axis as well."""
+    return NUMERIC_COLUMNS if axis is None else _NUMERIC_OF_AXIS
+
 
 # A pause this many times the usual sampling interval is a gap: what happened inside it is unknown.
 GAP_FACTOR = 3.0

@@ -9,10 +9,10 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.errors import RecordingError
-from truing.recording.axis import AXIS_COLUMNS, as_wheels, axis_of, wheel_columns
+from truing.recording.axis import as_wheels, axis_of, names_of_wheels
 from truing.recording.frames import Table, table_columns
 from truing.recording.reader import check_header, check_time
-from truing.recording.run import MINIMUM_ROWS, MODES, MOTION_PAIRS, NUMERIC_COLUMNS, Run
+from truing.recording.run import MINIMUM_ROWS, MODES, MOTION_PAIRS, Run, known_columns
 
 
 def run_from_table(table: Table, name: str, *, motion: bool = True) -> Run:
@@ -32,7 +32,7 @@ def run_from_table(table: Table, name: str, *, motion: bool = True) -> Run:
     path = Path(name)
     raw = table_columns(table)
     axis = axis_of(list(raw))
-    names = list(raw) if axis is None else [wheel for name in raw for wheel in wheel_columns(name)]
+    names = list(raw) if axis is None else names_of_wheels(list(raw))
     if motion:
         check_header(path, names)
     else:
@@ -50,7 +50,7 @@ def run_from_table(table: Table, name: str, *, motion: bool = True) -> Run:
     for column, values in raw.items():
         if column == "mode":
             mode = _modes(path, values)
-        elif column in NUMERIC_COLUMNS or (axis is not None and column in AXIS_COLUMNS):
+        elif column in known_columns(axis):
             columns[column] = _numbers(path, column, values)
         elif values.dtype.kind in "iufb":
             columns[column] = values.astype(np.float64)

@@ -24,3 +24,13 @@ def wheels_text(values: Mapping[str, float], unit: str, digits: int = 3, *, side
         return f"{shown[0]} {unit}{one_side}"
     named = f" ({' / '.join(values)})" if sides else ""
     return f"{' / '.join(shown)} {unit}{named}"
+
+
+def response_text(gains_mps: Mapping[str, float], time_constants_s: Mapping[str, float]) -> str:
+    """How the robot answers an effort, from gains and time constants by wheel."""
+    gain, lag = "its gain is not known", "unknown"
+    if gains_mps:
+        gain = f"{wheels_text(gains_mps, 'm/s', sides=True)} at full effort"
+    if time_constants_s:
+        lag = wheels_text(time_constants_s, "s")
+    return f"{gain}, time constant {lag}"

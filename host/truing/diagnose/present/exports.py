@@ -11,7 +11,7 @@ from truing.diagnose.present.corrected_model import CorrectedModel, corrected_mo
 from truing.diagnose.present.export_check import FAILED, check_baseline, check_format
 from truing.diagnose.result import Diagnosis
 from truing.errors import TruingError
-from truing.exporters import ExportOptions, exporter, exporters, notes
+from truing.exporters import ExportOptions, exporters, write_model
 from truing.exporters.terms import DEFAULTS
 from truing.recording.run import RecordingSet, Wheel
 from truing.recording.writer import replace_file
@@ -82,9 +82,7 @@ def write_export(
             return (), [f"not written: {path} ({line.removeprefix(FAILED)})" for line in checked]
         replace_file(path, text.encode("utf-8"))
         return (path,), [f"written: {path}", *checked]
-    files = exporter(export.kind).write(corrected.model, path, options)
-    said = [f"written: {file}" for file in files]
-    said += [f"note: {export.kind}: {note}" for note in notes(export.kind, corrected.model, options)]
+    files, said = write_model(export.kind, corrected.model, path, options)
     return files, [*said, *check_format(export.kind, corrected, diagnosis)]
 
 

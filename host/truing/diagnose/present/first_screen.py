@@ -6,7 +6,7 @@ import math
 
 from truing.diagnose.present.text import amount, headline, next_lines, two_amounts
 from truing.diagnose.result import Diagnosis, WheelNumbers
-from truing.recording.wheel_text import wheels_text
+from truing.recording.wheel_text import response_text
 
 NOTHING_TO_DO = "nothing. Diagnose again when the robot, its load or its floor changes."
 
@@ -60,9 +60,7 @@ def _robot(diagnosis: Diagnosis) -> str:
     gains = _by_wheel(diagnosis.numbers, "gain_mps")
     times = _by_wheel(diagnosis.numbers, "time_constant_s")
     if gains and times:
-        return (
-            f"{wheels_text(gains, 'm/s', sides=True)} at full effort, time constant {wheels_text(times, 's')}"
-        )
+        return response_text(gains, times)
     runs = f"{len(diagnosis.runs)} runs" if len(diagnosis.runs) != 1 else "one run"
     seconds = sum(float(trace.t_s[-1] - trace.t_s[0]) for trace in diagnosis.traces)
     return f"{runs}, {seconds:.0f} s" if seconds > 0.0 else runs

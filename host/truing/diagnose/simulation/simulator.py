@@ -230,13 +230,13 @@ class SetSimulator:
         """
         p, active, _ = self._pack(theta, on)
         asked = (active, p.tobytes(), tuple(free))
-        if asked not in self._jacobians:
-            while len(self._jacobians) >= KEPT_JACOBIANS:
+        found = self._jacobians.pop(asked, None)
+        if found is None:
+            found = self._differences(theta, on, free)
+            if len(self._jacobians) == KEPT_JACOBIANS:
                 del self._jacobians[next(iter(self._jacobians))]
-            self._jacobians[asked] = self._differences(theta, on, free)
-        else:
-            self._jacobians[asked] = self._jacobians.pop(asked)
-        return self._jacobians[asked]
+        self._jacobians[asked] = found
+        return found
 
     def _differences(self, theta: FloatArray, on: BoolArray, free: Sequence[int]) -> FloatArray:
         base = self.speeds(theta, on)
