@@ -82,22 +82,6 @@ def wait(condition: Callable[[], object], what: str, seconds: float = 30.0) -> N
     pytest.fail(f"no {what} within {seconds:g} s")
 
 
-def insist(act: Callable[[], object], condition: Callable[[], object], what: str) -> None:
-    """Act, and again every ten seconds, until the condition holds.
-
-    On a busy machine an event is now and then lost between the page and the view; a user presses again.
-    """
-    until = time.monotonic() + 60.0
-    while time.monotonic() < until:
-        act()
-        again = time.monotonic() + 10.0
-        while time.monotonic() < again:
-            if condition():
-                return
-            time.sleep(0.05)
-    pytest.fail(f"no {what} within a minute")
-
-
 def speed(page: Page) -> float:
     last = live(page, "samples.at(-1)")
     assert isinstance(last, list)
@@ -146,13 +130,13 @@ def run_to_the_end(page: Page, start: Callable[[], object]) -> None:
     enough for the board to be stopped; both are intended, and the run is started again.
     """
     wait(lambda: live(page, "state.driver") != "other", "free control")
-    before = live(page, "state.task?.stage")
-    insist(start, lambda: live(page, "state.task?.stage") != before, "started run")
+    start()
 
     def is_saved() -> bool:
         stage = live(page, "state.task?.stage")
-        if stage in ("stopped", "failed"):
-            insist(start, lambda: live(page, "state.task?.stage") != stage, "run that was started again")
+        if stage == "stopped":
+            start()
+            wait(lambda: live(page, "state.task?.stage") != "stopped", "a run that was started again")
         return stage == "done"
 
     wait(is_saved, "finished run", 90.0)

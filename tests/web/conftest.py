@@ -38,12 +38,18 @@ def problems() -> Problems:
 
 
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
-    """A browser test that fails is run once more: on a busy machine an event is now and then lost."""
+    """A browser test that fails is run once more, with a warning that shows the first failure.
+
+    On a busy machine an event is now and then lost between page and view; the cause is not known.
+    """
     if "page" not in getattr(item, "fixturenames", ()):
         return None
     item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
     reports = runtestprotocol(item, nextitem=nextitem, log=False)
-    if any(report.failed for report in reports):
+    failed = next((report for report in reports if report.failed), None)
+    if failed is not None:
+        shown = "\n".join((failed.longreprtext, *(text for _, text in failed.sections)))
+        item.warn(pytest.PytestWarning(f"{item.nodeid} failed, and is run once more:\n{shown}"))
         getattr(item, "_initrequest")()  # noqa: B009 - as pytest-rerunfailures does
         reports = runtestprotocol(item, nextitem=nextitem, log=False)
     for report in reports:

@@ -9,7 +9,7 @@ import pytest
 
 from truing.recording.baseline import read_baseline
 from truing.recording.reader import read_run
-from web.browser_rig import go, insist, live, run_to_the_end, wait
+from web.browser_rig import go, live, run_to_the_end, wait
 from web.synthetic_runs import TAU_S, VERDICT, synthetic_set
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
@@ -149,8 +149,8 @@ def test_control_inputs_are_replayed_under_the_model_in_force(page):
     page.get_by_text("ends at", exact=False).first.wait_for()
     found = page.get_by_role("button", name="Diagnosed", exact=True)
     wait(lambda: found.get_attribute("aria-pressed") == "true", "the saved model in force")
-    replay = page.get_by_role("button", name="Replay", exact=True)
-    insist(replay.click, lambda: paths(page), "path under what was found")
+    page.get_by_role("button", name="Replay", exact=True).click()
+    wait(lambda: paths(page), "a path under what was found", 150.0)
     ((_, (_x, y, theta)),) = paths(page)
     assert theta == pytest.approx(0.3 * 1.5, rel=0.15)
     assert y > 0.15
