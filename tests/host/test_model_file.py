@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from truing.errors import BaselineError
+from truing.exporters.source import from_baseline
 from truing.model.robot_model import RobotModel, parse_robot_model, read_robot_model
 from truing.model.wheel import WheelPhysics
 from truing.recording.baseline import RobotGeometry, read_baseline
@@ -35,7 +36,10 @@ def test_a_fitted_model_is_a_baseline_for_the_next_diagnosis(tmp_path: Path) -> 
         "left": 0.041, "right": 0.05, "breakaway_left": 0.041, "breakaway_right": pytest.approx(0.06),
         "stribeck": 0.02,
     }  # fmt: skip
-    assert baseline.effects["input_delay"]["delay"] == pytest.approx(0.5 * 0.0431)
+    assert baseline.effects["input_delay"] == {"delay": pytest.approx(0.5 * 0.0431), "difference": -0.0431}
+    exported, _ = from_baseline(baseline)
+    assert exported.left.delay_s == pytest.approx(0.0431)
+    assert exported.right.delay_s == 0.0
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,8 @@ class Parameter:
     pull : a plain fit pulls it towards its start, as strongly as an error of this share of the full-effort
         speed in every row for a change by 1. Recordings that cannot determine it leave it there, and one that
         they determine is hardly changed (ridge regression: Hoerl & Kennard 1970).
+    plain : plain fits of the free-run error alone fit it: it refines a model that leaves more than noise, and
+        is no part of what the effect is recognised by.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Parameter:
     needs_pose: bool = False
     beside: tuple[str, ...] = ()
     pull: float = 0.0
+    plain: bool = False
 
 
 def identity(values: Mapping[str, float]) -> dict[str, float]:

@@ -210,10 +210,10 @@ def effect_parameters(
 
 
 def idle_parameters(done: Fit, name: str) -> frozenset[str]:
-    """Parameters of an effect that stay off in a model without the effects that they need beside them."""
+    """Parameters of an effect that a fit leaves off: it lacks what they need beside them, or is not plain."""
     free = {column.name for column in done.columns}
     return frozenset(
-        p.name for p in CATALOGUE[name].parameters if p.beside and f"{name}.{p.name}" not in free
+        p.name for p in CATALOGUE[name].parameters if (p.beside or p.plain) and f"{name}.{p.name}" not in free
     )
 
 
@@ -227,9 +227,10 @@ def _clear_of_absent(
     the effect then sets the end, by a fourth-order parabola from the flat bottom.
     """
     absent = problem.simulator.report(name, problem.simulator.start())
+    refining = {p.name for p in CATALOGUE[name].parameters if p.plain}
     key, value = next(iter(found.items()))
     low, high = value.ci95
-    if len(found) > 1 or name not in done.effects or not low <= absent[key] <= high:
+    if len(found.keys() - refining) > 1 or name not in done.effects or not low <= absent[key] <= high:
         return found
     rest = tuple(each for each in done.effects if each != name)
     without = fit(problem, rest, done.theta, iterations=WITHOUT_STEPS)
@@ -238,7 +239,7 @@ def _clear_of_absent(
         return found
     reach = abs(value.value - absent[key]) * (CHI2_95 / lost) ** 0.25
     ends = (value.value - reach, high) if absent[key] < value.value else (low, value.value + reach)
-    return {key: replace(value, ci95=ends)}
+    return found | {key: replace(value, ci95=ends)}
 
 
 def _possible(ends: tuple[float, float], value: float, half: float) -> tuple[float, float]:

@@ -1,8 +1,9 @@
 """Free-run errors in their order: refitted at most as given, with effects at most refitted.
 
 A fit weights residuals by its noise model, so that its plain free-run error can be larger than that of the
-start. The reported models are judged by the plain error too. Where the order does not hold, or where the
-model leaves more than noise (then no noise model is right), they are refitted by plain least squares.
+start. The reported models are judged by the plain error too. Where the order does not hold, or where no noise
+model is right, they are refitted by plain least squares: where the model leaves more than noise, or where the
+plain fit is better on runs left out.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import replace
 
 from truing.diagnose.fit import Fit, fit, reevaluate
 from truing.diagnose.problem import Problem
+from truing.diagnose.unseen_runs import NEGLIGIBLE, UnseenRuns
 from truing.diagnose.verdict import Reasoning
 
 # Iterations of a plain least-squares fit from a weighted one.
@@ -23,11 +25,22 @@ def with_ordered_errors(reasoning: Reasoning) -> Reasoning:
     problem = reasoning.problem
     if problem.data.commanded:
         return reasoning
-    plainly = problem.exceeds_noise(reasoning.best.residual.speeds)
+    best = reasoning.best
+    plainly = problem.exceeds_noise(best.residual.speeds) or _is_better_plainly(problem, best)
     base = _at_most(problem, reasoning.base, reasoning.given, plainly)
-    best = base if not reasoning.best.effects else _at_most(problem, reasoning.best, base, plainly)
+    best = base if not best.effects else _at_most(problem, best, base, plainly)
     rivals = tuple(_at_most(problem, one, base, plainly) if one.effects else base for one in reasoning.rivals)
     return replace(reasoning, base=base, best=best, rivals=rivals, plainly=plainly)
+
+
+def _is_better_plainly(problem: Problem, one: Fit) -> bool:
+    """Whether plain least squares fits the structure of `one` clearly better, on runs left out too."""
+    plain = plain_fit(problem, one, one)
+    limit = (1.0 - NEGLIGIBLE) * problem.free_run_rmse(one.residual.speeds)
+    if problem.free_run_rmse(plain.residual.speeds) > limit:
+        return False
+    plainly = UnseenRuns(problem.plain(limit)).errors(plain).wheels
+    return plainly < (1.0 - NEGLIGIBLE) * UnseenRuns(problem).errors(one).wheels
 
 
 def _at_most(problem: Problem, one: Fit, other: Fit, plainly: bool) -> Fit:
@@ -42,7 +55,7 @@ def _at_most(problem: Problem, one: Fit, other: Fit, plainly: bool) -> Fit:
 def plain_fit(problem: Problem, one: Fit, start: Fit) -> Fit:
     """The structure of `one` fitted by plain least squares from the parameters of `start`."""
     plain = problem.plain(problem.free_run_rmse(one.residual.speeds))
-    done = fit(plain, one.effects, start.theta, columns=one.columns, iterations=PLAIN_STEPS)
+    done = fit(plain, one.effects, start.theta, iterations=PLAIN_STEPS)
     return reevaluate(problem, done)
 
 

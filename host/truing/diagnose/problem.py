@@ -243,19 +243,22 @@ class Problem:
         """Free parameters of the baseline and of these effects."""
         every = (*self.base_effects, *effects)
         return self.base_columns + tuple(
-            column for name in effects for column in effect_columns(self.simulator, name, every)
+            column
+            for name in effects
+            for column in effect_columns(self.simulator, name, every, plain=self.is_plain)
         )
 
     def pulls(self, columns: tuple[Column, ...]) -> FloatArray:
         """Residual per change by 1 of each parameter that a plain fit pulls towards its start, shape (p,).
 
-        It is that of a steady error of `pull_mps` in all rows of the wheel.
+        It is that of a steady error of `pull_mps` in all rows of the wheel, or of both.
         """
         if not self.is_plain:
             return np.zeros(len(columns))
         steady = np.sqrt(self.counted.sum(axis=0)) / self.noise.sigma
+        both = float(np.hypot(*steady))
         return np.array(
-            [0.0 if one.wheel is None else one.pull_mps * float(steady[one.wheel]) for one in columns]
+            [one.pull_mps * (both if one.wheel is None else float(steady[one.wheel])) for one in columns]
         )
 
 
@@ -276,8 +279,10 @@ def moves_pose(column: Column, commanded: bool) -> bool:
     return commanded or (column.effect != "" and CATALOGUE[column.effect].domain != "wheel")
 
 
-def effect_columns(simulator: SetSimulator, name: str, every: tuple[str, ...]) -> tuple[Column, ...]:
-    """Free parameters of one effect in a model with the effects `every`."""
+def effect_columns(
+    simulator: SetSimulator, name: str, every: tuple[str, ...], *, plain: bool = False
+) -> tuple[Column, ...]:
+    """Free parameters of one effect in a model with the effects `every`; `plain`: in a plain fit."""
     layout, data = simulator.layout, simulator.data
     return tuple(
         Column(
@@ -290,7 +295,9 @@ def effect_columns(simulator: SetSimulator, name: str, every: tuple[str, ...]) -
             parameter.pull * data.top_mps,
         )
         for parameter in CATALOGUE[name].parameters
-        if not (parameter.scan and parameter.nuisance) and is_identifiable(parameter, data, every)
+        if not (parameter.scan and parameter.nuisance)
+        and (plain or not parameter.plain)
+        and is_identifiable(parameter, data, every)
     )
 
 

@@ -119,7 +119,7 @@ def trial_points(effect: Effect) -> list[tuple[dict[str, float], list[tuple[str,
     group.
     """
     grid = [p for p in effect.parameters if p.scan or p.nuisance]
-    amplitudes = [p for p in effect.parameters if not (p.scan or p.nuisance)]
+    amplitudes = [p for p in effect.parameters if not (p.scan or p.nuisance or p.plain)]
     kinds: dict[str, list[str]] = {}
     for p in amplitudes:
         kinds.setdefault(_group(effect, p), []).append(p.name)
@@ -235,7 +235,7 @@ def _start_vector(
         name: float(scale) for names, scale in zip(probe.groups, scales, strict=True) for name in names
     }
     for p in effect.parameters:
-        value = values[p.name]
+        value = values.get(p.name, p.off)
         if p.name in scale_of and not p.scan:
             scale = scale_of[p.name]
             low = -MAX_SCALE if signed(p) else MIN_SCALE

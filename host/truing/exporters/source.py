@@ -59,6 +59,10 @@ def _fields(baseline: Baseline, name: str, table: dict[str, Any]) -> dict[str, t
     def pair(left: str = "left", right: str = "right") -> tuple[float, float]:
         return number(left), number(right)
 
+    def apart(key: str) -> tuple[float, float]:
+        half = 0.5 * (number("difference") if "difference" in table else 0.0)
+        return max(number(key) - half, 0.0), max(number(key) + half, 0.0)
+
     if name == "coulomb_friction":
         return {"friction": pair()}
     if name == "stribeck_friction":
@@ -72,7 +76,7 @@ def _fields(baseline: Baseline, name: str, table: dict[str, Any]) -> dict[str, t
     if name == "quadratic_drag":
         return {"drag": pair()}
     if name == "input_delay":
-        return {"delay_s": pair("delay", "delay")}
+        return {"delay_s": apart("delay")}
     if name == "driver_lag":
         return {"lag_s": pair("time_constant", "time_constant")}
     if name == "direction_asymmetry":
@@ -83,5 +87,5 @@ def _fields(baseline: Baseline, name: str, table: dict[str, Any]) -> dict[str, t
     if name == "driver_deadband":
         return {"deadband": pair("deadband", "deadband")}
     if name == "speed_filter":
-        return {"recorder_lag_s": pair("time_constant", "time_constant")}
+        return {"recorder_lag_s": apart("time_constant")}
     return None

@@ -96,7 +96,7 @@ class RobotModel:
         if any(wheel.drag for wheel in both):
             found["quadratic_drag"] = {"left": left.drag, "right": right.drag}
         if any(wheel.delay_s for wheel in both):
-            found["input_delay"] = {"delay": 0.5 * (left.delay_s + right.delay_s)}
+            found["input_delay"] = _apart("delay", left.delay_s, right.delay_s)
         if any(wheel.lag_s for wheel in both):
             found["driver_lag"] = {"time_constant": 0.5 * (left.lag_s + right.lag_s)}
         if any(wheel.deadband for wheel in both):
@@ -108,12 +108,18 @@ class RobotModel:
             ratios |= {"friction_left": left.reverse_friction, "friction_right": right.reverse_friction}
             found["direction_asymmetry"] = ratios
         if any(wheel.recorder_lag_s for wheel in both):
-            found["speed_filter"] = {"time_constant": 0.5 * (left.recorder_lag_s + right.recorder_lag_s)}
+            found["speed_filter"] = _apart("time_constant", left.recorder_lag_s, right.recorder_lag_s)
         return found
 
     def save(self, path: str | Path) -> None:
         """Write the file, and the folders above it that are missing."""
         replace_file(path, self.to_toml().encode("utf-8"))
+
+
+def _apart(name: str, left_s: float, right_s: float) -> dict[str, float]:
+    """An effect's number as both wheels' mean, and how much larger the right wheel's is where they differ."""
+    mean = {name: 0.5 * (left_s + right_s)}
+    return mean | ({"difference": right_s - left_s} if right_s != left_s else {})
 
 
 def parse_robot_model(text: str, path: str | Path = "model.toml") -> RobotModel:

@@ -153,6 +153,18 @@ def test_a_filtered_speed_is_the_lagged_step_while_the_robot_is_not_delayed() ->
     assert rms_rows(filtered - lagged) < CLOSE_MPS  # two linear filters commute
 
 
+@pytest.mark.parametrize(("name", "number"), [("input_delay", "delay"), ("speed_filter", "time_constant")])
+def test_each_wheel_may_have_its_own_delay_or_filter(name: str, number: str) -> None:
+    data = recordings(source="vel")
+    both = simulate(data, name, **{number: 0.05, "difference": 0.06})
+    for wheel, own in enumerate((0.02, 0.08)):
+        alone = simulate(data, name, **{number: own})
+        np.testing.assert_allclose(both[:, wheel], alone[:, wheel], atol=1e-9)
+    # The left wheel's cannot be below zero.
+    far = simulate(data, name, **{number: 0.05, "difference": 0.2})
+    np.testing.assert_allclose(far[:, 0], simulate(data, name)[:, 0], atol=1e-9)
+
+
 def test_a_speed_limit_is_flat_above_and_exact_below() -> None:
     data = still()
     limited, free = simulate(data, "speed_limit", limit=0.6), simulate(data, "speed_limit")

@@ -50,6 +50,22 @@ def test_repeated_rows_count_as_long_as_they_stand(refitted: tuple[Problem, Fit]
     assert errors[1] < errors[0]
 
 
+def test_a_plain_fit_gives_each_wheel_its_own_delay() -> None:
+    """Two motor controllers that are asked one after the other."""
+    given = {"input_delay": {"delay": 0.06, "difference": 0.05}}
+    data = noisy_robot(RICH, given, NOISE_MPS, 7)
+    problem = initial_fit(data, SetSimulator(data, data.baseline)).problem
+    start = problem.simulator.start()
+    start[problem.simulator.layout.index("input_delay.delay")] = 0.04
+    weighted = fit(problem, ("input_delay",), start)
+    assert "input_delay.difference" not in {column.name for column in weighted.columns}
+    done = plain_fit(problem, weighted, weighted)
+    assert done.value("input_delay.delay") == pytest.approx(0.06, abs=0.004)
+    assert done.value("input_delay.difference") == pytest.approx(0.05, abs=0.008)
+    before, after = (problem.free_run_rmse(one.residual.speeds) for one in (weighted, done))
+    assert after < 0.9 * before
+
+
 @pytest.mark.slow
 def test_of_models_with_one_effect_exchanged_that_of_the_smaller_error_is_taken() -> None:
     """A lag of the driver in place of the delay is likely where the noise model took the delay for noise."""

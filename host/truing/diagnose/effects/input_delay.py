@@ -13,6 +13,9 @@ Confused with: a driver's lag, which rounds the corner instead of moving it (87 
 Hz); a recorder's filter; backlash, whose spike appears on reversals alone. From encoders and efforts
 alone an actuator's delay and a measuring delay are one thing. A chirp up to a few hertz, or one step
 logged at 100 Hz or more, separates delay from lag.
+
+Two motor controllers on a bus are asked one after the other: `difference` is how much later the right wheel's
+command arrives, or its speed is read, than the left one's.
 """
 
 from __future__ import annotations
@@ -22,9 +25,9 @@ from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
 
 
-def delay(delay: float) -> float:
-    """How late the command arrives, s."""
-    return delay
+def delay(wheel: int, delay: float, difference: float) -> float:
+    """How late the wheel's command arrives, s."""
+    return max(delay + (wheel - 0.5) * difference, 0.0)
 
 
 def _exercised(data: SetData) -> float:
@@ -43,6 +46,9 @@ EFFECT = Effect(
         "gear_backlash": "a reversal step against a step in the same direction",
     },
     excited_by="Give six or more steps of effort of at least 10 %, and log at 100 Hz or more.",
-    parameters=(Parameter("delay", "s", 0.0, 0.4, 0.0, (0.02, 0.06, 0.12), scan=True),),
+    parameters=(
+        Parameter("delay", "s", 0.0, 0.4, 0.0, (0.02, 0.06, 0.12), scan=True),
+        Parameter("difference", "s", -0.4, 0.4, 0.0, (0.01,), pull=0.02, plain=True),
+    ),
     exercised=_exercised,
 )

@@ -13,6 +13,9 @@ when the robot is pushed.
 
 Confused with: driver lag (the same curve) and delay; positions beside the speeds, or a hand-pushed
 run, distinguish them.
+
+Each motor controller filters its own wheel's speed: `difference` is the right filter's time constant less the
+left one's.
 """
 
 from __future__ import annotations
@@ -36,28 +39,43 @@ ROWS_PER_SAMPLE = 10.0
 
 
 def after_step(
-    state: float, h: float, speed_start: float, speed_end: float, travel: float, time_constant: float
+    state: float,
+    wheel: int,
+    h: float,
+    speed_start: float,
+    speed_end: float,
+    travel: float,
+    time_constant: float,
+    difference: float,
 ) -> float:
     """The filter's output after a substep, the speed a parabola with these ends and this travel."""
-    if time_constant < 1e-6:
+    own = time_constant + (wheel - 0.5) * difference
+    if own < 1e-6:
         return speed_end
     bend = 6.0 * (0.5 * (speed_start + speed_end) - travel / h) / h
     first = (speed_end - speed_start) / h - bend
-    share = time_constant / h
-    ramp = time_constant * first
-    curve = 2.0 * time_constant * bend
+    share = own / h
+    ramp = own * first
+    curve = 2.0 * own * bend
     start = speed_start - ramp + curve * share
     end = speed_end - ramp + curve * (share - 1.0)
     return end + (state - start) * math.exp(-1.0 / share)
 
 
 def measure(
-    increment: float, state: float, state_before: float, time_constant: float, instant: float, dt: float
+    increment: float,
+    wheel: int,
+    state: float,
+    state_before: float,
+    time_constant: float,
+    difference: float,
+    instant: float,
+    dt: float,
 ) -> float:
     """The filter's output, read at the row's time or integrated over the row."""
     if instant > 0.5:
         return state * dt
-    return increment - time_constant * (state - state_before)
+    return increment - max(time_constant + (wheel - 0.5) * difference, 0.0) * (state - state_before)
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,6 +176,7 @@ EFFECT = Effect(
     ),
     parameters=(
         Parameter("time_constant", "s", 0.0, 1.0, 0.0, (0.03, 0.1)),
+        Parameter("difference", "s", -1.0, 1.0, 0.0, (0.02,), pull=0.02, plain=True),
         Parameter("instant", "1", 0.0, 1.0, 0.0, (1.0, 0.0), nuisance=True, scan=True),
     ),
     needs=("vel",),

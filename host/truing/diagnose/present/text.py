@@ -188,7 +188,7 @@ def parameters_text(effect: NamedEffect) -> str:
     """Every parameter with its interval."""
     parts = []
     for name, parameter in effect.parameters.items():
-        label = {"left": "left", "right": "right"}.get(name, name.replace("_", " "))
+        label = {"difference": "right less left"}.get(name, name.replace("_", " "))
         shown = value_text(parameter)
         parts.append(shown if len(effect.parameters) == 1 and name != "scrub" else f"{label} {shown}")
     return ", ".join(parts)

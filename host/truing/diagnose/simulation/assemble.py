@@ -32,7 +32,8 @@ BASELINE_PARAMETERS = 4
 # The written stages take the place of its `stage.py`.
 KERNEL = Path(__file__).parent / "kernel"
 _WITH_WHEEL = {
-    "drive", "supply", "friction", "friction_ratio", "push", "gain", "inertia", "gap", "measure", "ground",
+    "delay", "drive", "supply", "friction", "friction_ratio", "push", "gain", "inertia", "gap", "measure",
+    "ground",
 }  # fmt: skip
 _WITH_ROW = {"supply", "gain", "inertia"}
 

@@ -39,7 +39,7 @@ class Stage:
 
 
 STAGES: dict[str, Stage] = {
-    "delay": Stage("sum", (), "s by which the command arrives late"),
+    "delay": Stage("sum", ("wheel",), "s by which the wheel's command arrives late"),
     "lag": Stage("largest", (), "s, first-order lag between the driver's command and the motor"),
     "drive": Stage("chain", ("effort",), "commanded effort in, effort that the driver gives out"),
     "supply": Stage(
@@ -76,7 +76,18 @@ STAGES: dict[str, Stage] = {
     "spin_share": Stage("sum", (), "share of the inertia that turns when the tyre slides"),
     "measure": Stage(
         "chain",
-        ("increment", "dt", "angle", "angle_before", "origin", "radius", "top", "state", "state_before"),
+        (
+            "wheel",
+            "increment",
+            "dt",
+            "angle",
+            "angle_before",
+            "origin",
+            "radius",
+            "top",
+            "state",
+            "state_before",
+        ),
         "the encoder shaft's travel over a row (m) in, what the recorder reports out; top is the "
         "baseline's full-effort speed (m/s)",
     ),
@@ -96,7 +107,7 @@ STAGES: dict[str, Stage] = {
 #   dt (n,) s; heat (n, 2) mean squared motor current over the row, of stall current; draw (n,) mean battery
 #   current, of both motors at stall; out (n, 2), written; a hook's `slow` is its own entry at the current
 #   row and wheel.
-# after_step(state, h, speed_start, speed_end, travel): returns the effect's state of one wheel after a
+# after_step(state, wheel, h, speed_start, speed_end, travel): returns the effect's state of one wheel after a
 #   substep; it starts a segment as the wheel's speed.
 SLOW_CONTEXT = ("dt", "heat", "draw", "elapsed", "out")
-STATE_CONTEXT = ("state", "h", "speed_start", "speed_end", "travel")
+STATE_CONTEXT = ("state", "wheel", "h", "speed_start", "speed_end", "travel")

@@ -186,7 +186,7 @@ class Robot(NamedTuple):
     slows: FloatArray
     states: FloatArray
     radius: float
-    delay: float
+    delay: tuple[float, float]
     lag: float
     torque_limit: float
     back_emf: float

@@ -234,7 +234,7 @@ def _pulls(
     A part of what an effect is, as its equation is: without it runs left out may leave numbers undetermined.
     """
     every = (*simulator.baseline_effects, *effects)
-    columns = [one for name in every for one in effect_columns(simulator, name, every)]
+    columns = [one for name in every for one in effect_columns(simulator, name, every, plain=True)]
     known = {one.entries[0]: one for one in columns}
     pulls = [known[entries[0]].pull_mps if entries[0] in known else 0.0 for entries in free]
     return np.array(pulls), simulator.start()[[entries[0] for entries in free]]
@@ -244,7 +244,7 @@ def grid_of(name: str) -> list[dict[str, float]]:
     """Where to start an effect: all values of what is scanned, by weak and strong amplitudes."""
     effect: Effect = CATALOGUE[name]
     scanned = [item for item in effect.parameters if item.scan or item.nuisance]
-    sizes = [item for item in effect.parameters if not (item.scan or item.nuisance)]
+    sizes = [item for item in effect.parameters if not (item.scan or item.nuisance or item.plain)]
     depth = max((len(item.starts) for item in sizes), default=1)
     grid = []
     for combination in itertools.product(*(item.starts for item in scanned)):

@@ -86,7 +86,7 @@ def _robot(p: FloatArray, active: int, inputs: Inputs, scratch: Scratch) -> Robo
         scratch.slows,
         scratch.states,
         inputs.radius,
-        stage.delay(p, active),
+        (stage.delay(p, active, 0), stage.delay(p, active, 1)),
         stage.lag(p, active),
         stage.torque_limit(p, active),
         stage.back_emf(p, active),
@@ -143,17 +143,18 @@ def _command(robot: Robot, wheel: Record, w: int, effort: float) -> None:
 def _read_input(robot: Robot, inputs: Inputs, wheels: Records, segment: int, now: float) -> float:
     """Set both wheels' input as it is at `now`; returns when it changes next, s."""
     begin = inputs.t[inputs.start[segment]]
-    arrival = begin - inputs.interval[segment] + robot.delay
-    if now < arrival - TINY_S:
-        return float(arrival)
     until = math.inf
     for w in range(2):
-        wheel = wheels[w]
+        wheel, delay = wheels[w], robot.delay[w]
+        arrival = begin - inputs.interval[segment] + delay
+        if now < arrival - TINY_S:
+            until = min(until, arrival)
+            continue
         last = inputs.first_piece[w, segment + 1] - 1
-        while wheel.piece < last and inputs.piece_end[w, wheel.piece] + robot.delay <= now + TINY_S:
+        while wheel.piece < last and inputs.piece_end[w, wheel.piece] + delay <= now + TINY_S:
             wheel.piece += 1
         if wheel.piece < last:
-            until = min(until, inputs.piece_end[w, wheel.piece] + robot.delay)
+            until = min(until, inputs.piece_end[w, wheel.piece] + delay)
         _command(robot, wheel, w, inputs.piece_effort[w, wheel.piece])
         # At a start in motion the lag has long followed what was commanded.
         if robot.lag > 0.0 and arrival <= begin and now <= begin and inputs.initial[segment, w] != 0.0:
