@@ -103,6 +103,9 @@ void board_set_idcode(struct board *board, uint32_t idcode);
 void board_set_lsi_hz(struct board *board, uint32_t hz);
 /* A debugger halts the core, or lets it go on; what DBGMCU freezes stops with it. */
 void board_set_halted(struct board *board, bool halted);
+/* From now on the cycles of code in flash include its wait states; the emulation gets slower by it. False:
+ * the CPU engine refuses. */
+bool board_count_flash_waits(struct board *board);
 /* Flash takes the longest times of the datasheet instead of the typical ones. */
 void board_set_flash_slow(struct board *board, bool slow);
 /* From now on no conversion of any ADC ends. */

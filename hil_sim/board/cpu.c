@@ -174,6 +174,9 @@ static void on_block(uc_engine *uc, uint64_t address, uint32_t size, void *user)
         return;
     }
     b->current = *block;
+    if (b->flash_waits.counted) {
+        b->current.cycles = (uint16_t)(b->current.cycles + flash_waits_of_block(b, b->block_pc, size));
+    }
 }
 
 static void on_interrupt(uc_engine *uc, uint32_t number, void *user)
@@ -197,17 +200,25 @@ static bool on_memory_fault(uc_engine *uc, uc_mem_type type, uint64_t address, i
     return false;
 }
 
+/* A hook has been called in the middle of a block. For an access inside an IT block the engine sets ITSTATE
+ * and does not restore it: the next block would be executed as the rest of the IT block. */
+void cpu_engine_read_state(struct board *b)
+{
+    if ((cpu_get(b, UC_ARM_REG_XPSR) & XPSR_IT) != 0) {
+        b->it_stale = true;
+        cpu_update_break(b);
+    }
+}
+
 /* Fills the engine's translation cache; addresses stay what they are. A page of SRAM is executable only once
  * code has run from it: stores into other pages then need no check for self-modifying code, which makes them
- * five times faster. For an access inside an IT block the engine sets ITSTATE and does not restore it: the
- * next block would be executed as the rest of the IT block. */
+ * five times faster. */
 static bool on_tlb_fill(uc_engine *uc, uint64_t address, uc_mem_type type, uc_tlb_entry *result, void *user)
 {
     struct board *b = user;
     (void)uc;
-    if (type != UC_MEM_FETCH && (cpu_get(b, UC_ARM_REG_XPSR) & XPSR_IT) != 0) {
-        b->it_stale = true;
-        cpu_update_break(b);
+    if (type != UC_MEM_FETCH) {
+        cpu_engine_read_state(b);
     }
     uint32_t page = ((uint32_t)address - SRAM_BASE) / CODE_PAGE;
     bool sram = page < SRAM_SIZE / CODE_PAGE;

@@ -2,8 +2,8 @@
  *
  * The model, after the Cortex-M4 TRM table 3-1: one cycle each; loads and stores two; multiple transfers one
  * more per word; a refill of two for a branch (one on average for a conditional one); divides seven, FP
- * divide and root fourteen, FP multiply-add three. The flash accelerator is assumed to hide all wait states
- * (RM0090 3.5.2). */
+ * divide and root fourteen, FP multiply-add three. What reads of flash take beyond one cycle is counted in
+ * flash_waits.c, on request. */
 #include "machine.h"
 
 #include <string.h>
@@ -88,6 +88,11 @@ static uint32_t cost32(uint32_t hi, uint32_t lo)
         return DIVIDE; /* SDIV, UDIV */
     }
     return 1;
+}
+
+uint32_t instruction_cycles(uint16_t op, uint16_t second)
+{
+    return op >= 0xE800u ? cost32(op, second) : cost16(op);
 }
 
 void block_measure(const uint8_t *code, uint32_t size, uint32_t it_left, struct block *out)

@@ -241,7 +241,7 @@ static void unstack_and_return(struct board *b, uint32_t exc_return)
     nvic_set_active(b, exception, false);
     events_run(b, b->now);
     if (chains(b) && !b->reset_wanted) {
-        spend(b, CHAIN_CYCLES);
+        spend(b, CHAIN_CYCLES + flash_waits_of_chained_vector(b));
         end_activation(b);
         b->stats.tail_chains++;
         enter_handler(b, b->nvic.best, xpsr, cpu_get(b, UC_ARM_REG_CONTROL), exc_return);

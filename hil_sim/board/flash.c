@@ -89,6 +89,7 @@ void flash_reset(struct board *b)
                               .stale_first = before.stale_first,
                               .stale_end = before.stale_end};
     b->stall_until = 0;
+    flash_waits_reset(b);
     event_cancel(b, EVENT_FLASH);
 }
 
@@ -257,6 +258,7 @@ bool flash_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
     case 0x00:
         if (write) {
             f->acr = *value & 0x1F07u;
+            flash_waits_control(b, f->acr);
         }
         *value = f->acr;
         return true;

@@ -142,6 +142,22 @@ struct flash {
     } operation; /* the last one */
 };
 
+/* Wait states of flash (flash_waits.c); lines are numbered from 1, and 0 is none. */
+enum { FLASH_LINE = 16, FLASH_LINES = FLASH_SIZE / FLASH_LINE, FLASH_KEPT_LINES = 64, FLASH_LITERALS = 64 };
+struct flash_cache {
+    uint32_t line[FLASH_KEPT_LINES];
+    uint64_t used[FLASH_KEPT_LINES]; /* cycle of its last use */
+    uint8_t place[FLASH_LINES + 2];  /* of each line of flash, from 1; 0: not kept */
+};
+struct flash_waits {
+    bool counted;
+    uint32_t executed, prefetched;
+    uint64_t prefetched_at,
+        free_at; /* cycles: when that line is there, and when the array can be read again */
+    struct flash_cache code, data;
+    uint32_t literal[FLASH_LITERALS], literals; /* loaded by the block under way */
+};
+
 struct gpio {
     uint32_t moder, otyper, ospeedr, pupdr, odr, lckr, afr[2];
 };
@@ -286,6 +302,7 @@ struct board {
     bool powered_down; /* since the last start the supply was below the power-down threshold... */
     bool sram_lost;    /* ...and below what SRAM needs */
     struct flash flash;
+    struct flash_waits flash_waits;
     struct gpio gpio[PORTS];
     uint8_t pin_in[PORTS][16];        /* enum board_level, by what is wired to the pins */
     bool usart_routed[2][USARTS + 1]; /* receivers, transmitters that a pin belongs to */
@@ -373,6 +390,7 @@ void cpu_reset(struct board *b);
 void cpu_run(struct board *b);
 void cpu_update_break(struct board *b);
 void cpu_count(struct board *b, uint64_t instructions, uint64_t cycles);
+void cpu_engine_read_state(struct board *b);
 uint8_t *cpu_memory(const struct board *b, uint32_t address, size_t length, bool write);
 
 /* exception.c */
@@ -384,6 +402,13 @@ void exception_svc(struct board *b, uint32_t return_pc);
 /* cycle_model.c */
 void block_measure(const uint8_t *code, uint32_t size, uint32_t it_left, struct block *out);
 void blocks_forget(struct board *b, uint32_t first, uint32_t length);
+uint32_t instruction_cycles(uint16_t op, uint16_t second);
+
+/* flash_waits.c */
+uint32_t flash_waits_of_block(struct board *b, uint32_t pc, uint32_t size);
+uint32_t flash_waits_of_chained_vector(const struct board *b);
+void flash_waits_control(struct board *b, uint32_t acr);
+void flash_waits_reset(struct board *b);
 
 /* nvic.c, scb.c, systick.c */
 void nvic_pend(struct board *b, unsigned exception, bool pending);

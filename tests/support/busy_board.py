@@ -137,9 +137,14 @@ def _stack_seen(robot: VirtualRobot) -> int:
     return len(stack) - clean
 
 
-def measure(image: Path) -> Costs:
-    """Power up, rest, drive with the line full both ways, and end it by a fault."""
+def measure(image: Path, *, flash_waits: bool) -> Costs:
+    """Power up, rest, drive with the line full both ways, and end it by a fault.
+
+    With `flash_waits` the CPU's cycles include flash wait states.
+    """
     with VirtualRobot(image) as robot:
+        if flash_waits:
+            robot.count_flash_waits()
         while (robot.bridge(0), robot.bridge(1)) != BRAKE:
             robot.run_us(10)
         braked_us = robot.time_us

@@ -483,6 +483,11 @@ class VirtualRobot(Simulated):
         """Let flash take the longest times of the datasheet instead of the typical ones."""
         self._library.board_set_flash_slow(self._board, slow)
 
+    def count_flash_waits(self) -> None:
+        """Include flash wait states in the CPU's cycles from now on; the emulation gets slower by it."""
+        if not self._library.board_count_flash_waits(self._board):
+            raise VirtualRobotError("the CPU engine takes no hook on flash")
+
     def set_adc_dead(self, dead: bool) -> None:
         """Stop every ADC from completing conversions, or let them complete again."""
         self._library.board_set_adc_dead(self._board, dead)
