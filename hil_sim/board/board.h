@@ -134,8 +134,14 @@ size_t board_usart_inbound(const struct board *board, int usart);
 void board_can_attach(struct board *board, bool attached);
 /* The frame that the controller sends next, and since when it waits; false: none, or it is not on the bus. */
 bool board_can_offer(const struct board *board, struct board_can_frame *frame, uint64_t *since_ps);
-/* Its bit rate when it listens to the bus, else 0. `acknowledges`: it is not in silent mode. */
-double board_can_bit_rate(const struct board *board, bool *acknowledges);
+/* How a node divides a bit: quanta up to its sample point and after it, and the most that an edge moves it.
+ */
+struct board_can_timing {
+    double bit_ps;
+    uint32_t before, after, jump;
+};
+/* False: it does not listen to the bus. `acknowledges`: it is not in silent mode. */
+bool board_can_timing(const struct board *board, struct board_can_timing *timing, bool *acknowledges);
 
 enum board_can_outcome { BOARD_CAN_SENT, BOARD_CAN_UNACKNOWLEDGED, BOARD_CAN_DAMAGED };
 /* Reports the outcome of that frame, effective at that time. Until then the controller sends nothing else. */
@@ -145,6 +151,9 @@ void board_can_deliver(struct board *board, const struct board_can_frame *frame,
                        uint64_t end_ps);
 /* Bits of the frame including stuff bits, without the three bits of intermission after it. */
 uint32_t board_can_bits(const struct board_can_frame *frame);
+/* Its levels on the wire up to the acknowledgment, one byte each, 1 recessive; returns how many. */
+enum { BOARD_CAN_BITS_MAX = 192 };
+uint32_t board_can_wire(const struct board_can_frame *frame, uint8_t out[BOARD_CAN_BITS_MAX]);
 
 /* Memory as a debugger sees it: no side effects on registers. False: not memory. */
 bool board_read_memory(const struct board *board, uint32_t address, uint8_t *out, size_t length);

@@ -341,12 +341,16 @@ bool board_can_offer(const struct board *board, struct board_can_frame *frame, u
     return true;
 }
 
-double board_can_bit_rate(const struct board *board, bool *acknowledges)
+bool board_can_timing(const struct board *board, struct board_can_timing *timing, bool *acknowledges)
 {
     const struct can *c = &board->can;
     bool hears = running(board) && is_wired(board) && !c->bus_off && (c->btr & LOOPBACK) == 0;
     *acknowledges = hears && (c->btr & SILENT) == 0;
-    return hears ? (double)PS_PER_S / (double)bit_ps(board) : 0;
+    timing->before = 2u + (c->btr >> 16 & 0xFu); /* the synchronisation segment and TS1 */
+    timing->after = 1u + (c->btr >> 20 & 7u);
+    timing->jump = 1u + (c->btr >> 24 & 3u);
+    timing->bit_ps = (double)bit_ps(board);
+    return hears;
 }
 
 void board_can_conclude(struct board *board, enum board_can_outcome outcome, uint64_t end_ps)

@@ -4,14 +4,20 @@
  * after it, so that every outcome decided at the slice's end is still in each board's future. */
 #include "can_bus.h"
 
-#include <math.h>
+#include "can_sampling.h"
+
 #include <stdlib.h>
 #include <string.h>
 
 enum { BOARDS = 16, QUEUE = 1024, SLICE_US = 40, PAUSE_BITS = 3, ERROR_BITS = 17, HOST = -1 };
-#define PS_PER_US      1000000ULL
-#define PS_PER_S       1e12
-#define RATE_TOLERANCE 0.015 /* of receivers that resynchronise, with usual bit timings */
+#define PS_PER_US 1000000ULL
+#define PS_PER_NS 1e3
+#define PS_PER_S  1e12
+/* A sample point at seven eighths and a jump of one quantum, as adapters have it (CiA 601-3 and their
+ * drivers). */
+enum { HOST_BEFORE = 14, HOST_AFTER = 2, HOST_JUMP = 1 };
+/* Two transceivers and some metres of cable at 5 ns each. */
+#define DELAY_NS 150.0
 
 struct queue {
     struct can_bus_frame frame[QUEUE];
@@ -23,7 +29,8 @@ struct can_bus {
     struct rig *rig[BOARDS];
     size_t boards;
     uint64_t time_us, free_ps, damage;
-    double bit_rate;
+    double delay_ps;
+    struct board_can_timing host;
     bool shorted, host_connected;
     struct queue to_bus, to_host;
     struct can_bus_totals totals;
@@ -33,15 +40,17 @@ struct offer {
     struct board_can_frame frame;
     uint64_t since_ps;
     int node; /* index of a board, or HOST */
-    double bit_rate;
+    struct board_can_timing timing;
 };
 
 struct can_bus *can_bus_create(double bit_rate)
 {
     struct can_bus *bus = calloc(1, sizeof *bus);
     if (bus != NULL) {
-        bus->bit_rate = bit_rate;
+        bus->host = (struct board_can_timing){.before = HOST_BEFORE, .after = HOST_AFTER, .jump = HOST_JUMP};
+        bus->delay_ps = DELAY_NS * PS_PER_NS;
         bus->host_connected = true;
+        can_bus_bit_rate(bus, bit_rate);
     }
     return bus;
 }
@@ -58,7 +67,19 @@ void can_bus_destroy(struct can_bus *bus)
 
 void can_bus_bit_rate(struct can_bus *bus, double bit_rate)
 {
-    bus->bit_rate = bit_rate;
+    bus->host.bit_ps = PS_PER_S / bit_rate;
+}
+
+void can_bus_bit_timing(struct can_bus *bus, uint32_t before, uint32_t after, uint32_t jump)
+{
+    bus->host.before = before;
+    bus->host.after = after;
+    bus->host.jump = jump;
+}
+
+void can_bus_delay(struct can_bus *bus, double delay_ns)
+{
+    bus->delay_ps = delay_ns * PS_PER_NS;
 }
 
 bool can_bus_attach(struct can_bus *bus, struct rig *rig)
@@ -112,7 +133,7 @@ static size_t collect(const struct can_bus *bus, struct offer out[BOARDS + 1])
         bool acknowledges;
         if (board_can_offer(board, &out[count].frame, &out[count].since_ps)) {
             out[count].node = (int)i;
-            out[count].bit_rate = board_can_bit_rate(board, &acknowledges);
+            board_can_timing(board, &out[count].timing, &acknowledges);
             count++;
         }
     }
@@ -120,32 +141,41 @@ static size_t collect(const struct can_bus *bus, struct offer out[BOARDS + 1])
         out[count].frame = as_sent(&bus->to_bus.frame[bus->to_bus.first]);
         out[count].since_ps = bus->to_bus.since_ps[bus->to_bus.first];
         out[count].node = HOST;
-        out[count].bit_rate = bus->bit_rate;
+        out[count].timing = bus->host;
         count++;
     }
     return count;
 }
 
-static bool agrees(double one, double other)
+/* What becomes of a frame at its other nodes. */
+struct reception {
+    bool acknowledged, destroyed;
+};
+
+static void receive(const struct can_bus *bus, const struct offer *sent,
+                    const struct board_can_timing *receiver, struct reception *out)
 {
-    return other > 0 && fabs(one / other - 1) <= RATE_TOLERANCE;
+    const struct can_pair pair = {sent->timing, *receiver, bus->delay_ps};
+    const enum can_reading reading = can_read(&pair, &sent->frame);
+    out->acknowledged = out->acknowledged || reading == CAN_READ;
+    out->destroyed = out->destroyed || reading == CAN_MISREAD;
 }
 
-/* Whether a node acknowledges, and whether a node at another bit rate destroys the frame. */
-static void ask_others(const struct can_bus *bus, const struct offer *sent, bool *acknowledged,
-                       bool *destroyed)
+static struct reception ask_others(const struct can_bus *bus, const struct offer *sent)
 {
-    bool host = sent->node != HOST && bus->host_connected;
-    *acknowledged = host && agrees(sent->bit_rate, bus->bit_rate);
-    *destroyed = host && !agrees(sent->bit_rate, bus->bit_rate);
+    struct reception found = {false, false};
+    if (sent->node != HOST && bus->host_connected) {
+        receive(bus, sent, &bus->host, &found);
+    }
     for (size_t i = 0; i < bus->boards; i++) {
         bool acknowledges;
-        double rate = board_can_bit_rate(rig_board(bus->rig[i]), &acknowledges);
+        struct board_can_timing timing;
+        board_can_timing(rig_board(bus->rig[i]), &timing, &acknowledges);
         if ((int)i != sent->node && acknowledges) {
-            *acknowledged = *acknowledged || agrees(sent->bit_rate, rate);
-            *destroyed = *destroyed || !agrees(sent->bit_rate, rate);
+            receive(bus, sent, &timing, &found);
         }
     }
+    return found;
 }
 
 static void hear_host(struct can_bus *bus, const struct board_can_frame *f, uint64_t end_ps)
@@ -172,9 +202,10 @@ static void tell_everybody(struct can_bus *bus, const struct offer *sent, enum b
     for (size_t i = 0; i < bus->boards; i++) {
         struct board *board = rig_board(bus->rig[i]);
         bool acknowledges;
+        struct board_can_timing timing;
         if ((int)i == sent->node) {
             board_can_conclude(board, outcome, end_ps);
-        } else if (heard && board_can_bit_rate(board, &acknowledges) > 0) {
+        } else if (heard && board_can_timing(board, &timing, &acknowledges)) {
             board_can_deliver(board, &sent->frame, outcome == BOARD_CAN_DAMAGED, end_ps);
         }
     }
@@ -191,20 +222,18 @@ static void tell_everybody(struct can_bus *bus, const struct offer *sent, enum b
 
 static void put_on_wire(struct can_bus *bus, const struct offer *sent, uint64_t start_ps)
 {
-    bool acknowledged;
-    bool destroyed;
-    double bit_ps = PS_PER_S / sent->bit_rate;
+    const double bit_ps = sent->timing.bit_ps;
+    const struct reception found = ask_others(bus, sent);
     uint32_t bits = board_can_bits(&sent->frame);
     enum board_can_outcome outcome = BOARD_CAN_SENT;
-    ask_others(bus, sent, &acknowledged, &destroyed);
     if (bus->shorted) {
         outcome = BOARD_CAN_DAMAGED;
         bits = 1 + ERROR_BITS; /* the first dominant bit already reads back wrong */
-    } else if (destroyed || bus->damage > 0) {
+    } else if (found.destroyed || bus->damage > 0) {
         outcome = BOARD_CAN_DAMAGED;
         bits += ERROR_BITS;
         bus->damage -= bus->damage > 0 ? 1 : 0;
-    } else if (!acknowledged) {
+    } else if (!found.acknowledged) {
         outcome = BOARD_CAN_UNACKNOWLEDGED;
         bits += ERROR_BITS;
     }

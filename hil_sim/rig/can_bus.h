@@ -19,6 +19,11 @@ struct can_bus_frame {
 struct can_bus *can_bus_create(double bit_rate);
 void can_bus_destroy(struct can_bus *bus);
 void can_bus_bit_rate(struct can_bus *bus, double bit_rate);
+/* How the host's node divides a bit: quanta up to its sample point and after it, jump width. At first 14, 2
+ * and 1, as adapters are set. */
+void can_bus_bit_timing(struct can_bus *bus, uint32_t before, uint32_t after, uint32_t jump);
+/* How long a level takes from any node to any other, transceivers included; 150 ns at first. */
+void can_bus_delay(struct can_bus *bus, double delay_ns);
 
 /* Plugs a board in; all boards of a bus have one time. False: its time is not the bus's, or no place is left.
  */

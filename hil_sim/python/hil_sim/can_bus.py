@@ -131,8 +131,16 @@ class VirtualCanBus:
         )
 
     def set_bit_rate(self, bit_rate: float) -> None:
-        """Set the bit rate of the host's node; nodes that differ by more than 1.5 % destroy frames."""
+        """Set the bit rate of the host's node; nodes that misread a frame destroy it."""
         self._library.can_bus_bit_rate(self._bus, bit_rate)
+
+    def set_bit_timing(self, before: int, after: int, jump: int) -> None:
+        """Divide a bit of the host's node: quanta up to its sample point, after it, and the jump width."""
+        self._library.can_bus_bit_timing(self._bus, before, after, jump)
+
+    def set_delay_ns(self, delay_ns: float) -> None:
+        """Set the way from node to node, transceivers included; 150 ns at first, 5 for each metre more."""
+        self._library.can_bus_delay(self._bus, delay_ns)
 
     def set_host_connected(self, connected: bool) -> None:
         """Unplug the host: it neither acknowledges nor receives."""
