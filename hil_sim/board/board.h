@@ -42,6 +42,8 @@ struct board_wires {
     double (*pin_voltage)(void *context, struct board_pin pin, uint64_t time_ps);
     /* A byte left the transmitter of USART 1..3; line_baud is what the divider makes of the clock. */
     void (*usart_sent)(void *context, int usart, uint8_t byte, double line_baud, uint64_t time_ps);
+    /* Whether the level at a receiver is the wrong one at that time, as by a disturbance. May be NULL. */
+    bool (*usart_noise)(void *context, int usart, uint64_t time_ps);
 };
 
 /* A frame of classic CAN. */
@@ -127,6 +129,8 @@ uint64_t board_time_ps(const struct board *board);
 
 /* A byte comes in on the line of USART 1..3, start bit at the given time or when the line is free again. */
 void board_usart_receive(struct board *board, int usart, uint8_t byte, double line_baud, uint64_t start_ps);
+/* usart_noise may answer true from now on. */
+void board_usart_disturbed(struct board *board, bool noisy);
 /* Bytes that have not yet been clocked in completely. */
 size_t board_usart_inbound(const struct board *board, int usart);
 

@@ -190,6 +190,13 @@ struct usart {
     uint64_t line_free_ps; /* when the last byte queued so far has left the line */
 };
 
+/* usart_sampling.c */
+enum { USART_OVER8 = 1 << 15, USART_ONEBIT = 1 << 11 }; /* of CR1 and CR3 */
+struct usart_sampled {
+    uint8_t byte;
+    bool heard, noise, framing; /* heard: its start bit was recognised */
+};
+
 enum { CAN_MAILBOXES = 3, CAN_FIFO_DEPTH = 3, CAN_BANKS = 28, CAN_HAPPENINGS = 16 };
 struct can {
     uint32_t mcr, msr, tsr, rfr[2], ier, esr_lec, btr;
@@ -310,6 +317,7 @@ struct board {
     struct can can;
     struct timer timer[TIMERS + 1]; /* TIM1 is [1] */
     struct usart usart[USARTS + 1];
+    bool usart_noisy; /* usart_noise of the wires may answer other than 0 */
     struct dma_stream dma[DMAS][DMA_STREAMS];
     struct adc adc[ADCS + 1];
     uint32_t adc_ccr;
@@ -488,6 +496,8 @@ void usart_rx_event(struct board *b, int usart);
 void usart_idle_event(struct board *b, int usart);
 void usart_drop_inbound(struct board *b, int usart);
 void usart_dma_ready(struct board *b);
+struct usart_sampled usart_sample(const struct board *b, int usart, const struct inbound *byte,
+                                  const struct inbound *next, double bit_ps);
 bool dma_access(struct board *b, int dma, uint32_t offset, bool write, uint32_t *value);
 void dma_reset(struct board *b, int dma);
 bool dma_serve_usart(struct board *b, int usart, bool transmit);

@@ -7,16 +7,19 @@
 
 enum { FE = 1 << 1, NF = 1 << 2, ORE = 1 << 3, IDLE = 1 << 4, RXNE = 1 << 5, TC = 1 << 6, TXE = 1 << 7 };
 enum { RE = 1 << 2, TE = 1 << 3, IDLEIE = 1 << 4, RXNEIE = 1 << 5, TCIE = 1 << 6, TXEIE = 1 << 7 };
-enum { PCE = 1 << 10, M = 1 << 12, UE = 1 << 13, OVER8 = 1 << 15 };
+enum { PCE = 1 << 10, M = 1 << 12, UE = 1 << 13 };
 enum { EIE = 1 << 0, DMAR = 1 << 6, DMAT = 1 << 7, FIRST_CAPACITY = 256 };
-#define BAUD_TOLERANCE 0.03 /* of a receiver that samples 8N1 in mid-bit, RM0090 30.3.5 */
+/* Within these every sample of 8N1 lies in its bit, whatever the phase: the last, at 9 + 10/16 + 1/16 bits or
+ * 9 + 6/8 + 1/8, before the end of the stop bit. */
+#define BAUD_TOLERANCE       0.03
+#define BAUD_TOLERANCE_OVER8 0.012
 
 /* CPU cycles of one bit: 0 while the divider is not set. */
 static uint64_t bit_cycles(const struct board *b, int usart)
 {
     const struct usart *u = &b->usart[usart];
     uint64_t clocks = u->brr & 0xFFFFu;
-    if ((u->cr1 & OVER8) != 0) {
+    if ((u->cr1 & USART_OVER8) != 0) {
         clocks = (clocks >> 4) * 8 + (clocks & 7u);
     }
     return clocks * rcc_usart_divisor(b, usart);
@@ -34,22 +37,10 @@ static double baud(const struct board *b, int usart)
     return bit == 0 ? 0 : (double)b->clock.hz / (double)bit;
 }
 
-/* The byte that a receiver at the wrong speed reads: bits sampled at the wrong times. */
-static uint8_t garbled(uint8_t byte, double sent_at, double read_at)
+static bool matches(const struct usart *u, double one, double other)
 {
-    uint32_t frame = 0xFE00u | (uint32_t)byte << 1; /* start bit 0, data, then the line idles high */
-    uint8_t result = 0;
-    for (int i = 0; i < 8 && read_at > 0; i++) {
-        double place = (i + 1.5) * sent_at / read_at;
-        uint32_t level = place < 16 ? frame >> (uint32_t)place & 1u : 1u;
-        result = (uint8_t)(result | level << i);
-    }
-    return result == byte ? (uint8_t)(byte ^ 0x80u) : result;
-}
-
-static bool matches(double one, double other)
-{
-    return one > 0 && other > 0 && fabs(one / other - 1) <= BAUD_TOLERANCE;
+    const double tolerance = (u->cr1 & USART_OVER8) != 0 ? BAUD_TOLERANCE_OVER8 : BAUD_TOLERANCE;
+    return one > 0 && other > 0 && fabs(one / other - 1) <= tolerance;
 }
 
 static void update_line(struct board *b, int usart)
@@ -144,10 +135,17 @@ void usart_rx_event(struct board *b, int usart)
                   usart);
         return;
     }
-    uint8_t byte = in.byte;
-    if (!matches((double)in.baud, baud(b, usart))) {
-        byte = garbled(byte, (double)in.baud, baud(b, usart));
-        u->sr |= FE;
+    struct usart_sampled sampled = {.byte = in.byte, .heard = true};
+    if (b->usart_noisy || !matches(u, (double)in.baud, baud(b, usart))) {
+        const struct inbound *next = u->in_count != 0 ? &u->inbound[u->in_head] : NULL;
+        sampled = usart_sample(b, usart, &in, next, (double)PS_PER_S / baud(b, usart));
+    }
+    if (!sampled.heard) {
+        return;
+    }
+    const uint8_t byte = sampled.byte;
+    u->sr |= (sampled.noise ? NF : 0u) | (sampled.framing ? FE : 0u);
+    if (!matches(u, (double)in.baud, baud(b, usart)) && (byte != in.byte || sampled.framing)) {
         warn_once(b, 0xF0000060u + (uint32_t)usart,
                   "USART%d hears %.0f baud while set to %.0f: bytes garbled", usart, (double)in.baud,
                   baud(b, usart));
@@ -204,6 +202,11 @@ void board_usart_receive(struct board *board, int usart, uint8_t byte, double li
     if (u->in_count == 1) {
         schedule_inbound(board, usart);
     }
+}
+
+void board_usart_disturbed(struct board *board, bool noisy)
+{
+    board->usart_noisy = noisy;
 }
 
 size_t board_usart_inbound(const struct board *board, int usart)

@@ -43,6 +43,7 @@ struct rig {
     bool encoders_swapped;
     bool swapped, motor_connected[RIG_WHEELS], sense_connected;
     double bench_v, link_baud;
+    uint64_t link_noise_period_ps, link_noise_ps;
     struct sent_byte *sent;
     size_t sent_capacity, sent_head, sent_count;
 };
@@ -219,6 +220,12 @@ static void usart_sent(void *context, int usart, uint8_t byte, double line_baud,
     r->sent_count++;
 }
 
+static bool usart_noise(void *context, int usart, uint64_t time_ps)
+{
+    const struct rig *r = context;
+    return usart == RIG_LINK_USART && time_ps % r->link_noise_period_ps < r->link_noise_ps;
+}
+
 struct rig *rig_create(const struct plant_params *robot, uint64_t seed, const uint8_t unique_id[12],
                        bool crystal_alive)
 {
@@ -229,7 +236,7 @@ struct rig *rig_create(const struct plant_params *robot, uint64_t seed, const ui
     struct board_options options = {.seed = seed,
                                     .crystal_hz = CRYSTAL_HZ,
                                     .wires = {r, pin_driven, encoder_position, encoder_noise,
-                                              encoder_quiet_until, pin_voltage, usart_sent}};
+                                              encoder_quiet_until, pin_voltage, usart_sent, usart_noise}};
     memcpy(options.unique_id, unique_id, sizeof options.unique_id);
     r->plant = robot != NULL ? plant_create(robot, seed) : NULL;
     r->board = board_create(&options);
@@ -321,6 +328,13 @@ size_t rig_link_pending(const struct rig *rig)
 void rig_link_baud(struct rig *rig, double baud)
 {
     rig->link_baud = baud;
+}
+
+void rig_link_noise(struct rig *rig, uint32_t period_ns, uint32_t pulse_ns)
+{
+    rig->link_noise_period_ps = period_ns * 1000ULL;
+    rig->link_noise_ps = pulse_ns * 1000ULL;
+    board_usart_disturbed(rig->board, period_ns != 0 && pulse_ns != 0);
 }
 
 void rig_truth(struct rig *rig, struct plant_state *out)

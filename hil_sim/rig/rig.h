@@ -44,8 +44,12 @@ void rig_link_write(struct rig *rig, const uint8_t *data, size_t length);
 size_t rig_link_read(struct rig *rig, uint8_t *out, size_t capacity);
 enum board_phase rig_phase(const struct rig *rig); /* for a profiler, from any thread */
 size_t rig_link_pending(const struct rig *rig);    /* bytes to the board still on the line */
-/* Speed of the host's port; bytes garble when the board's differs by more than 3 %. 0: the cable is cut. */
+/* Speed of the host's port; the board samples its bytes at its own speed, and what it sends is garbled when
+   the two differ by more than 3 %. 0: the cable is cut. */
 void rig_link_baud(struct rig *rig, double baud);
+/* The line to the board is turned over for `pulse_ns` each `period_ns`; a pulse between two bytes does
+   nothing. 0: never. */
+void rig_link_noise(struct rig *rig, uint32_t period_ns, uint32_t pulse_ns);
 
 /* Gives the robot these effects from the present time on (plant_set_unmodelled_effects); false: bad numbers,
    or no robot. */

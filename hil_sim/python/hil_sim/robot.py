@@ -251,6 +251,13 @@ class VirtualRobot(Simulated):
         """Set the speed of the host's port, 921600 at first; 0 cuts the cable."""
         self._library.rig_link_baud(self._rig, baud)
 
+    def set_link_noise(self, period_ns: int, pulse_ns: int) -> None:
+        """Turn the line to the board over for `pulse_ns` each `period_ns`; 0: never.
+
+        A pulse disturbs bytes; between two bytes it does nothing.
+        """
+        self._library.rig_link_noise(self._rig, period_ns, pulse_ns)
+
     # access as a debugger has it
 
     def symbol(self, name: str) -> tuple[int, int]:

@@ -5,7 +5,8 @@ volatile struct {
     uint32_t compare[4], period, polarity, outputs_on, pins_to_timer, encoder_start[2], brr, tick_cycles;
 } set = {.period = 8400, .outputs_on = 1, .pins_to_timer = 1, .brr = 46, .tick_cycles = 168000};
 volatile struct {
-    uint32_t ticks, tick_at, tick_worst_us, encoder[2], battery, adc_cycles, received, overruns, errors;
+    uint32_t ticks, tick_at, tick_worst_us, encoder[2], battery, adc_cycles, received, overruns, errors,
+        noises;
 } get;
 volatile uint32_t send_count;
 volatile uint8_t inbox[4096];
@@ -28,6 +29,7 @@ void irq39(void)
         uint32_t byte = USART3_DR;
         inbox[get.received++ % sizeof inbox] = (uint8_t)byte;
         get.errors += (sr & 2u) != 0;
+        get.noises += (sr & 4u) != 0;
     }
     if ((sr & 1u << 3) != 0) {
         get.overruns++;
