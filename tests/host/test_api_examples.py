@@ -1,4 +1,4 @@
-"""The examples of the six verbs, of docs/PYTHON.md and of the notebook do what they show."""
+"""The examples of the six verbs, of docs/PYTHON.md and of the notebooks do what they show."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from support.console import difference
 ROOT = Path(__file__).parents[2]
 MODULES = ("reading", "identifying", "simulating", "exporting", "diagnosing")
 PAGE = ROOT / "docs/PYTHON.md"
-NOTEBOOK = ROOT / "docs/notebooks/from_csv_to_verdict.ipynb"
+# Of each notebook: what it needs besides a bare installation.
+NOTEBOOKS = {"from_csv_to_verdict": (), "from_verdict_to_mujoco": ("mujoco",)}
 
 
 class Checker(doctest.OutputChecker):
@@ -57,10 +58,10 @@ def test_the_page_shows_what_its_lines_print(tmp_path: Path) -> None:
     assert run(doctest.DocTestParser().get_doctest(text, {}, PAGE.name, str(PAGE), 0)) > 8
 
 
-def cells(kind: str) -> list[dict[str, Any]]:
-    tree = json.loads(NOTEBOOK.read_text(encoding="utf-8"))
+def code_cells(name: str) -> list[dict[str, Any]]:
+    tree = json.loads((ROOT / "docs/notebooks" / f"{name}.ipynb").read_text(encoding="utf-8"))
     assert tree["nbformat"] == 4
-    return [cell for cell in tree["cells"] if cell["cell_type"] == kind]
+    return [cell for cell in tree["cells"] if cell["cell_type"] == "code"]
 
 
 def stored(cell: dict[str, Any]) -> str:
@@ -68,14 +69,21 @@ def stored(cell: dict[str, Any]) -> str:
     return "".join("".join(output["text"]) for output in cell["outputs"])
 
 
+def test_every_notebook_is_run_here() -> None:
+    assert {path.stem for path in (ROOT / "docs/notebooks").glob("*.ipynb")} == NOTEBOOKS.keys()
+
+
 @pytest.mark.slow
-def test_the_notebook_runs_from_top_to_bottom_and_shows_what_it_prints(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_a_notebook_runs_from_top_to_bottom_and_shows_what_it_prints(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    for package in NOTEBOOKS[name]:
+        pytest.importorskip(package, reason=f"{name}.ipynb needs {package}: pip install 'truing[engines]'")
     monkeypatch.setenv("TRUING_EXAMPLE", str(ROOT / "docs/example"))
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
-    code = cells("code")
+    code = code_cells(name)
     assert len(code) > 4
     for cell in code:
         printed = io.StringIO()

@@ -172,7 +172,8 @@ def test_every_pin_of_the_wheel_is_the_locks(wheel: Path, root: Path) -> None:
     lock = (root / "host" / "requirements.lock").read_text(encoding="utf-8")
     pins = {line.split(" ")[0] for line in lock.splitlines() if "==" in line}
     metadata = distribution("truing")
-    for package in closure(metadata.requires or (), ("all", "bags", "can", "plots", "sim", "view")):
+    extras = ("all", "bags", "can", "engines", "plots", "sim", "view")
+    for package in closure(metadata.requires or (), extras):
         assert f"{package}=={distribution(package).version}" in pins
 
 
