@@ -9,12 +9,14 @@ from typing import Any
 import pytest
 
 from truing.web.access.driver_lock import DRIVER_TIMEOUT_S, DriverLock
-from truing.web.access.security import COOKIE, Access, AccessMiddleware, access_for
+from truing.web.access.security import Access, AccessMiddleware, access_for
 from truing.web.pose import Pose
 from truing.web.worker.sample import LiveHistory, LiveSample, PoseChain
 
 
-def ask(access: Access, kind: str = "http", query: str = "", **headers: str) -> tuple[int, dict[str, str]]:
+def ask(
+    access: Access, kind: str = "http", query: str = "", path: str = "/", **headers: str
+) -> tuple[int, dict[str, str]]:
     """Status and headers that the gate answers with; 200 is the application behind it."""
     sent: list[dict[str, Any]] = []
 
@@ -26,7 +28,7 @@ def ask(access: Access, kind: str = "http", query: str = "", **headers: str) -> 
 
     scope = {
         "type": kind,
-        "path": "/",
+        "path": path,
         "query_string": query.encode(),
         "headers": [(name.replace("_", "-").encode(), value.encode()) for name, value in headers.items()],
     }
@@ -63,9 +65,12 @@ def test_beyond_this_machine_the_token_opens_and_nothing_else_does(kind):
     assert OPEN.token is not None
     assert ask(OPEN, kind, host=host)[0] == 403
     assert ask(OPEN, kind, "token=wrong", host=host)[0] == 403
-    assert ask(OPEN, kind, host=host, cookie=f"{COOKIE}=wrong")[0] == 403
-    assert ask(OPEN, kind, host=host, cookie=f"{COOKIE}={OPEN.token}")[0] == 200
-    assert ask(OPEN, kind, host=host, cookie=f"{COOKIE}={OPEN.token}", origin="http://evil.example")[0] == 403
+    assert ask(OPEN, kind, host=host, cookie=f"{OPEN.cookie}=wrong")[0] == 403
+    assert ask(OPEN, kind, host=host, cookie=f"{OPEN.cookie}={OPEN.token}")[0] == 200
+    assert (
+        ask(OPEN, kind, host=host, cookie=f"{OPEN.cookie}={OPEN.token}", origin="http://evil.example")[0]
+        == 403
+    )
 
 
 def test_the_token_leaves_the_address_for_a_cookie_that_scripts_cannot_read():
@@ -78,6 +83,28 @@ def test_the_token_leaves_the_address_for_a_cookie_that_scripts_cannot_read():
 
 def test_two_views_have_two_tokens():
     assert access_for("0.0.0.0", 1).token != access_for("0.0.0.0", 1).token
+
+
+def test_two_views_on_one_machine_keep_their_tokens_apart():
+    first, second = access_for("0.0.0.0", 7780), access_for("0.0.0.0", 7781)
+    cookies = "; ".join(
+        ask(one, query=f"token={one.token}", host="robot:1")[1]["set-cookie"].split(";")[0]
+        for one in (first, second)
+    )
+    assert ask(first, host="robot:7780", cookie=cookies)[0] == 200
+    assert ask(second, host="robot:7781", cookie=cookies)[0] == 200
+
+
+@pytest.mark.parametrize(
+    "path",
+    ["//evil.example/", "/\\evil.example", "\\\\evil.example", "///evil.example/x", "/a\r\nset-cookie: b"],
+)
+def test_the_token_is_no_way_to_another_site(path):
+    location = ask(OPEN, query=f"token={OPEN.token}", path=path, host="robot:7780")[1]["location"]
+    assert location[0] == "/"
+    assert location[1] not in "/\\"
+    assert "\r" not in location
+    assert "\n" not in location
 
 
 def test_a_page_may_fetch_from_the_view_alone():

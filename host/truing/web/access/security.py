@@ -14,14 +14,14 @@ from collections.abc import Awaitable, Callable, MutableMapping
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
 from typing import Any, TypeAlias
-from urllib.parse import parse_qs, urlencode, urlsplit
+from urllib.parse import parse_qs, quote, urlencode, urlsplit
 
 Scope: TypeAlias = MutableMapping[str, Any]
 Receive: TypeAlias = Callable[[], Awaitable[MutableMapping[str, Any]]]
 Send: TypeAlias = Callable[[MutableMapping[str, Any]], Awaitable[None]]
 AsgiApp: TypeAlias = Callable[[Scope, Receive, Send], Awaitable[None]]
 
-COOKIE = "truing_view"
+_COOKIE = "truing_view"
 _LOOPBACK_NAMES = ("127.0.0.1", "localhost", "[::1]")
 
 
@@ -51,10 +51,13 @@ class Access:
     ----------
     hosts : allowed values of the Host header, port included; empty: any (the token alone protects).
     token : secret that a client must present; None on the loopback address.
+    cookie : name under which a browser keeps the token. Cookies of a host are shared by all its ports, so
+        that two views on one machine need two names.
     """
 
     hosts: frozenset[str]
     token: str | None = None
+    cookie: str = _COOKIE
 
     def host_allowed(self, host: str) -> bool:
         """Whether a Host header names this server."""
@@ -82,7 +85,8 @@ def access_for(host: str, port: int) -> Access:
     if is_loopback(host):
         return Access(frozenset(f"{name}:{port}" for name in (*_LOOPBACK_NAMES, host.lower())))
     names = () if host in ("0.0.0.0", "::") else (host.lower(),)
-    return Access(frozenset(f"{name}:{port}" for name in names), secrets.token_urlsafe(18))
+    allowed = frozenset(f"{name}:{port}" for name in names)
+    return Access(allowed, secrets.token_urlsafe(18), f"{_COOKIE}_{port}")
 
 
 def is_loopback(host: str) -> bool:
@@ -112,10 +116,12 @@ class AccessMiddleware:
         if refusal:
             await _refuse(scope, send, refusal)
             return
-        if self._access.token is not None and not self._access.token_valid(_cookie(headers)):
+        if self._access.token is not None and not self._access.token_valid(
+            _cookie(headers, self._access.cookie)
+        ):
             query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
             if scope["type"] == "http" and self._access.token_valid(query.get("token", [None])[0]):
-                await _admit(scope, send, query, self._access.token)
+                await _admit(scope, send, query, self._access)
                 return
             await _refuse(
                 scope, send, "this view needs the address with the token that `truing view` printed"
@@ -145,9 +151,9 @@ class AccessMiddleware:
         return ""
 
 
-def _cookie(headers: dict[str, str]) -> str | None:
+def _cookie(headers: dict[str, str], name: str) -> str | None:
     try:
-        morsel = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+        morsel = SimpleCookie(headers.get("cookie", "")).get(name)
     except CookieError:
         return None
     return None if morsel is None else morsel.value
@@ -164,11 +170,19 @@ async def _refuse(scope: Scope, send: Send, why: str) -> None:
     await send({"type": "http.response.body", "body": body})
 
 
-async def _admit(scope: Scope, send: Send, query: dict[str, list[str]], token: str) -> None:
+async def _admit(scope: Scope, send: Send, query: dict[str, list[str]], access: Access) -> None:
     """Store the token in an HttpOnly cookie and remove it from the address."""
     rest = urlencode([(k, v) for k, values in query.items() if k != "token" for v in values])
-    target = scope["path"] + (f"?{rest}" if rest else "")
-    cookie = f"{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/"
+    target = _own_path(scope["path"]) + (f"?{rest}" if rest else "")
+    cookie = f"{access.cookie}={access.token}; HttpOnly; SameSite=Strict; Path=/"
     headers = [(b"location", target.encode()), (b"set-cookie", cookie.encode()), (b"content-length", b"0")]
     await send({"type": "http.response.start", "status": 303, "headers": headers})
     await send({"type": "http.response.body", "body": b""})
+
+
+def _own_path(path: str) -> str:
+    """A path that no browser takes for another site's address.
+
+    `//evil.example` is an address without its scheme, and browsers read a backslash as a slash.
+    """
+    return "/" + quote(path.replace("\\", "/").lstrip("/"))
