@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 import numpy as np
 
 from truing.recording.reader import read_run
+from web.process_memory import helpers_mb, resident_mb
 from web.synthetic_runs import VERDICT, synthetic_set
 from web.view_process import ViewProcess
 
@@ -104,13 +105,13 @@ def soak(folder: Path, seconds: float, warm_s: float, min_runs: int = 1) -> Soak
             # The first drawing is slow, and a driving page whose heartbeat is late loses control.
             driver.wait_for_selector(".js-plotly-plot .trace", timeout=60_000)
             _drive(driver, warm_s, 1)
-            before = [_resident_mb(pid), _helpers_mb(pid), _heap_mb(watcher), _heap_mb(driver)]
+            before = [resident_mb(pid), helpers_mb(pid), _heap_mb(watcher), _heap_mb(driver)]
             (count, board_s), began = _samples(watcher), time.monotonic()
             stops = _drive(driver, seconds, min_runs)
             spent = time.monotonic() - began
             counted, until_s = _samples(watcher)
             rate = (counted - count) / (until_s - board_s)
-            after = [_resident_mb(pid), _helpers_mb(pid), _heap_mb(watcher), _heap_mb(driver)]
+            after = [resident_mb(pid), helpers_mb(pid), _heap_mb(watcher), _heap_mb(driver)]
             browser.close()
     finally:
         view.close()
@@ -154,22 +155,6 @@ def _missing(folder: Path) -> tuple[int, int, int]:
         records += len(t)
         dropped += int(np.maximum(steps - 1, 0).sum()) + max(0, expected - 1 - int(steps.sum()))
     return runs, records, dropped
-
-
-def _resident_mb(pid: int) -> float:
-    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmRSS:"):
-            return int(line.split()[1]) / 1024.0
-    raise RuntimeError("the view is gone")
-
-
-def _helpers_mb(pid: int) -> float:
-    """Resident sets of the processes that a process started, by its threads."""
-    found = 0.0
-    for task in Path(f"/proc/{pid}/task").iterdir():
-        for child in (task / "children").read_text().split():
-            found += _resident_mb(int(child))
-    return found
 
 
 def _heap_mb(page: Page) -> float:

@@ -7,7 +7,6 @@ import copy
 import numpy as np
 import pytest
 
-from truing.errors import FileError
 from truing.recording.baseline import read_baseline
 from truing.recording.reader import read_run
 from truing.recording.run import Run
@@ -18,7 +17,6 @@ from truing.web.models.error_model import (
     explanations,
     load_model,
     paper_sliders,
-    read_verdict,
     save_model,
 )
 from truing.web.models.known_robot import known_robot, robot_of
@@ -123,34 +121,6 @@ def test_what_a_page_draws_has_a_column_for_every_run(tmp_path):
     assert found["rms"]["simulated"] == pytest.approx(0.3 * (1.0 - 1.3 / 1.45), rel=0.2)
     times = np.array(found["figure"]["data"][0]["x"])
     assert times[-1] == pytest.approx(6.0)
-
-
-def test_dropped_files_are_kept_by_what_they_are(tmp_path):
-    import json
-
-    from truing.web.runs.dropped_files import store
-
-    made = synthetic_set(tmp_path / "made")
-    data = (made / "runs/01_straight.csv").read_bytes()
-    dropped, diagnoses = tmp_path / "dropped", tmp_path / "diagnoses"
-    assert store("../../01_straight.csv", data, dropped, diagnoses)["path"] == str(
-        dropped / "runs/01_straight.csv"
-    )
-    assert store("baseline.toml", BASELINE.encode(), dropped, diagnoses)["kind"] == "baseline"
-    assert store("v.json", json.dumps(VERDICT).encode(), dropped, diagnoses)["kind"] == "diagnosis"
-    assert read_verdict(diagnoses / "v.json")["name"] == "made"
-    for name, bad in (
-        ("x.csv", b"not a run"),
-        ("x.toml", b"= ="),
-        ("x.json", b"{"),
-        ("y.json", b'{"verdict": 1}'),
-    ):
-        assert "error" in store(name, bad, dropped, diagnoses), name
-    assert not (dropped / "runs/x.csv").exists()
-    assert read_baseline(dropped / "baseline.toml").left.gain_mps == 1.45
-    assert not (diagnoses / "y.json").exists()
-    with pytest.raises(FileError):
-        read_verdict(tmp_path / "nowhere.json")
 
 
 def test_what_was_found_acts_on_control_inputs_that_a_controller_holds():

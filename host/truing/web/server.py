@@ -46,7 +46,7 @@ def serve(session: ViewSession, options: ServerOptions, announce: Callable[[str,
     core.sio.eio.cors_allowed_origins = None
     app.add_static_files("/view-static", STATIC, max_cache_age=0)
     add_page_socket(app, session)
-    add_upload(app, session.dropped_folder, session.diagnosis_folder)
+    add_upload(app, session.dropped_folder, session.take_file)
     add_reports(app, session.diagnosis_folder)
     app.on_startup(session.start)
     app.on_shutdown(session.close)

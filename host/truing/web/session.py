@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 from truing.board.connect import open_stream
 from truing.board.device import Device
@@ -225,6 +226,25 @@ class ViewSession:
     def dropped_folder(self) -> Path:
         """Folder for files dropped onto a page."""
         return out_folder() / "dropped"
+
+    async def take_file(self, name: str, part: Path) -> dict[str, Any]:
+        """Check a file dropped onto a page and put it where it belongs; its path, or the error.
+
+        In a process that ends afterwards: reading a long recording takes much memory for a moment.
+        """
+        helper = HelperProcess("truing.web.process.arrival_main")
+        request = {
+            "name": name,
+            "part": str(part),
+            "dropped": str(self.dropped_folder),
+            "diagnoses": str(self.diagnosis_folder),
+        }
+        try:
+            return await helper.ask(request)
+        except TruingError as error:
+            return {"error": f"{name}: {error.message}"}
+        finally:
+            await asyncio.to_thread(helper.close)
 
     def _connect(self) -> Device:
         stream = open_stream(self.port, self.options.virtual)

@@ -12,7 +12,7 @@ from truing.web.pages.components import DropZone
 from truing.web.pages.elements import Choice, button, heading, notify, number, tag
 from truing.web.pages.run_stage import RunStage
 from truing.web.pose import Pose
-from truing.web.runs.dropped_files import ADDRESS
+from truing.web.runs.dropped_files import ADDRESS, MAX_BYTES
 from truing.web.session import ViewSession
 
 
@@ -41,6 +41,7 @@ class _ComparePage:
                         "Drop runs here (CSV, JSON, baseline.toml), or choose files",
                         ".csv,.json,.toml",
                         ADDRESS,
+                        MAX_BYTES,
                     )
                     zone.on("dropped", self.dropped)
                 with tag("div"):

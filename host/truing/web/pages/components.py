@@ -101,9 +101,10 @@ class ModelKeys(Element, component=STATIC / "model_keys.js"):
 class DropZone(Element, component=STATIC / "drop_zone.js"):
     """A target for dropped or chosen files; emits `dropped` with the result for each."""
 
-    def __init__(self, text: str, accept: str, address: str) -> None:
+    def __init__(self, text: str, accept: str, address: str, max_bytes: int) -> None:
         super().__init__()
-        for name, value in {"text": text, "accept": accept, "address": address}.items():
+        shown = {"text": text, "accept": accept, "address": address, "limit": max_bytes}
+        for name, value in shown.items():
             self._props[name] = value
 
 

@@ -23,7 +23,7 @@ from truing.web.models.error_model import (
 from truing.web.pages.components import DropZone, ParameterSlider
 from truing.web.pages.elements import Choice, Select, button, heading, notify, tag
 from truing.web.pages.run_stage import RunStage
-from truing.web.runs.dropped_files import ADDRESS
+from truing.web.runs.dropped_files import ADDRESS, MAX_BYTES
 from truing.web.runs.library import baseline_of
 from truing.web.session import ViewSession
 
@@ -95,7 +95,7 @@ class _ModelsPage:
             if self.verdict is not None and len(explanations(self.verdict)) > 1:
                 entries = {str(number): text for number, text in explanations(self.verdict)}
                 Select("Explanation", entries, self.explanation, self.use_explanation)
-            zone = DropZone("Drop a diagnosis (JSON) here, or choose one", ".json", ADDRESS)
+            zone = DropZone("Drop a diagnosis (JSON) here, or choose one", ".json", ADDRESS, MAX_BYTES)
             zone.on("dropped", self.dropped)
 
     def dropped(self, event: events.GenericEventArguments) -> None:

@@ -13,6 +13,11 @@ import orjson
 
 from truing.errors import TruingError
 
+# A process that has needed more than this is ended when nobody has asked it for so long: memory that Python
+# has freed stays with the process.
+_LARGE_MB = 400.0
+_IDLE_S = 15.0
+
 
 class HelperProcess:
     """One process running a module, one request at a time.
@@ -26,6 +31,7 @@ class HelperProcess:
         self._module = module
         self._process: subprocess.Popen[bytes] | None = None
         self._lock = threading.Lock()
+        self._idle: threading.Timer | None = None
 
     async def ask(self, request: dict[str, Any]) -> dict[str, Any]:
         """The answer to a request, without blocking the event loop.
@@ -39,8 +45,16 @@ class HelperProcess:
             raise TruingError(content["error"], content.get("next", ""))
         return content
 
+    @property
+    def is_running(self) -> bool:
+        """Whether the process has been started and has not ended."""
+        process = self._process
+        return process is not None and process.poll() is None
+
     def close(self) -> None:
         """End it."""
+        if self._idle is not None:
+            self._idle.cancel()
         process, self._process = self._process, None
         if process is None:
             return
@@ -54,6 +68,8 @@ class HelperProcess:
 
     def _ask(self, request: dict[str, Any]) -> dict[str, Any]:
         with self._lock:
+            if self._idle is not None:
+                self._idle.cancel()
             process = self._process
             if process is None or process.poll() is not None:
                 process = self._process = subprocess.Popen(
@@ -74,4 +90,15 @@ class HelperProcess:
         if not line:
             return {"error": "the helper process has ended", "next": "try again"}
         answer: dict[str, Any] = orjson.loads(line)
+        if answer.pop("peak_mb", 0.0) > _LARGE_MB:
+            self._idle = threading.Timer(_IDLE_S, self._end_idle)
+            self._idle.daemon = True
+            self._idle.start()
         return answer
+
+    def _end_idle(self) -> None:
+        if self._lock.acquire(blocking=False):
+            try:
+                self.close()
+            finally:
+                self._lock.release()

@@ -5,18 +5,17 @@ In the view's own process, fitting and compiling would block the event loop and 
 
 from __future__ import annotations
 
-import os
 import sys
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import orjson
-
-from truing.errors import TruingError
+from truing.errors import FileError
+from truing.web.process.answers import answer_requests
 
 if TYPE_CHECKING:
     from truing.recording.run import Run
+    from truing.web.process.run_cache import RunCache
 
 
 def answer(request: dict[str, Any]) -> dict[str, Any]:
@@ -48,15 +47,17 @@ def _compare(request: dict[str, Any]) -> dict[str, Any]:
 
 def _read(path: Path) -> Run:
     """A run from disk, cached while the file is unchanged."""
-    at = path.stat()
-    return _read_version(path, at.st_mtime_ns, at.st_size)
+    try:
+        return _runs().read(path)
+    except OSError as error:
+        raise FileError(path, f"cannot be read: {error.strerror}", "press Rescan") from None
 
 
-@lru_cache(maxsize=64)
-def _read_version(path: Path, _changed_ns: int, _size: int) -> Run:
-    from truing.recording.reader import read_run
+@lru_cache(maxsize=1)
+def _runs() -> RunCache:
+    from truing.web.process.run_cache import RunCache
 
-    return read_run(path)
+    return RunCache()
 
 
 def _set_of(path: Path) -> list[Run]:
@@ -110,19 +111,7 @@ def _span(request: dict[str, Any]) -> tuple[float, float] | None:
 
 def main() -> int:
     """Answer requests until standard input closes."""
-    # Output printed by libraries must not mix with the answers.
-    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    for line in sys.stdin.buffer:
-        try:
-            content = answer(orjson.loads(line))
-        except TruingError as error:
-            content = {"error": error.message, "next": error.next_step}
-        except Exception as error:
-            content = {"error": f"{type(error).__name__}: {error}", "next": ""}
-        answers.write(orjson.dumps(content) + b"\n")
-        answers.flush()
-    return 0
+    return answer_requests(answer)
 
 
 if __name__ == "__main__":

@@ -1,38 +1,70 @@
-"""Upload of files dropped onto a page (runs, baselines, diagnoses), and download of reports."""
+"""Upload of files dropped onto a page (runs, baselines, diagnoses), and download of reports.
+
+A file is written to disk as it arrives and read in a process of its own, so that the frames and the stops of
+the pages do not wait for it.
+"""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable
+import asyncio
+import contextlib
+import shutil
+import tempfile
+from collections.abc import Awaitable, Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from fastapi import FastAPI, Request, Response
 from fastapi.responses import FileResponse, JSONResponse
-from starlette.concurrency import run_in_threadpool
+from starlette.requests import ClientDisconnect
 
-from truing.errors import TruingError
-from truing.recording.baseline import read_baseline
-from truing.recording.writer import replace_file
-from truing.web.models.error_model import read_verdict
-from truing.web.runs.library import safe_name, save_dropped
+from truing.web.runs.library import safe_name
 
-# Three times the size of ten hours at 20 Hz.
-_MAX_BYTES = 64_000_000
+# A recording is read as a whole, and takes about fourteen times its size in memory meanwhile.
+MAX_BYTES = 200_000_000
 ADDRESS = "/dropped"
+_INCOMING = ".incoming"
+# Written in pieces of this size, each from a thread: a disk may block for long.
+_PIECE_BYTES = 1 << 20
+_SPARE_DISK_BYTES = 100_000_000
+# Answered to a client that has left; nobody reads it.
+_CLIENT_CLOSED = 499
+
+Check: TypeAlias = Callable[[str, Path], Awaitable[dict[str, Any]]]
 
 
-def add_upload(app: FastAPI, dropped: Path, diagnoses: Path) -> None:
-    """Serve the upload address of the drop zones."""
+class _RefusedError(Exception):
+    """An upload that is not taken; the text says why."""
+
+
+def add_upload(app: FastAPI, dropped: Path, check: Check) -> None:
+    """Serve the upload address of the drop zones.
+
+    Parameters
+    ----------
+    dropped : folder for dropped recordings, also while they arrive.
+    check : reads a file of this name and puts it where it belongs; returns its path, or the error.
+    """
+    one_at_a_time = asyncio.Semaphore(1)
+    # What a view that was killed has left there.
+    shutil.rmtree(dropped / _INCOMING, ignore_errors=True)
 
     @app.post(ADDRESS)
-    async def upload(request: Request, name: str = "") -> JSONResponse:
-        data = b""
-        async for chunk in request.stream():
-            data += chunk
-            if len(data) > _MAX_BYTES:
-                return JSONResponse({"error": f"{name}: larger than {_MAX_BYTES // 1_000_000} MB"})
-        return JSONResponse(await run_in_threadpool(store, name, data, dropped, diagnoses))
+    async def upload(request: Request, name: str = "") -> Response:
+        announced = request.headers.get("content-length", "")
+        try:
+            _admit(name, int(announced) if announced.isdigit() else 0, dropped)
+            async with one_at_a_time:
+                with _incoming(dropped) as folder:
+                    part = folder / (safe_name(name) or "run.csv")
+                    await _receive(request, part, name)
+                    return JSONResponse(await check(name, part))
+        except _RefusedError as refusal:
+            return JSONResponse({"error": str(refusal)}, status_code=413)
+        except ClientDisconnect:
+            return Response(status_code=_CLIENT_CLOSED)
+        except OSError as error:
+            return JSONResponse({"error": f"{name}: {error.strerror or error}"}, status_code=507)
 
 
 def add_reports(app: FastAPI, diagnoses: Path) -> None:
@@ -44,43 +76,47 @@ def add_reports(app: FastAPI, diagnoses: Path) -> None:
         return FileResponse(path) if path.is_file() else Response(status_code=404)
 
 
-def store(name: str, data: bytes, dropped: Path, diagnoses: Path) -> dict[str, Any]:
-    """Store a file according to its content; returns its path, or the error."""
+def _admit(name: str, size: int, dropped: Path) -> None:
+    """Refuse by size, before anything has been read."""
+    if size > MAX_BYTES:
+        raise _RefusedError(
+            f"{name}: {size / 1e6:.0f} MB; a page takes files of up to {MAX_BYTES // 1_000_000} MB. "
+            "`truing import FILE` reads larger ones."
+        )
+    dropped.mkdir(parents=True, exist_ok=True)
+    free = shutil.disk_usage(dropped).free
+    if size + _SPARE_DISK_BYTES > free:
+        raise _RefusedError(f"{name}: {size / 1e6:.0f} MB do not fit on the disk ({free / 1e6:.0f} MB free).")
+
+
+@contextlib.contextmanager
+def _incoming(dropped: Path) -> Any:
+    """A folder for one arriving file, removed afterwards with what is still in it."""
+    parent = dropped / _INCOMING
+    parent.mkdir(parents=True, exist_ok=True)
+    folder = Path(tempfile.mkdtemp(dir=parent))
     try:
-        if name.endswith(".toml"):
-            path = dropped / "baseline.toml"
-            _replace_checked(path, data, read_baseline)
-            return {"path": str(path), "kind": "baseline"}
-        if name.endswith(".json") and _is_verdict(data):
-            path = diagnoses / safe_name(name)
-            _replace_checked(path, data, read_verdict)
-            return {"path": str(path), "kind": "diagnosis"}
-        path = save_dropped(dropped, name, data)
-        return {"path": str(path), "kind": "run" if path.suffix == ".csv" else "metadata"}
-    except TruingError as error:
-        return {"error": f"{error.message}. {error.next_step}".rstrip(". ") + "."}
-    except OSError as error:
-        return {"error": f"{name}: {error}"}
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
-def _replace_checked(path: Path, data: bytes, check: Callable[[Path], object]) -> None:
-    """Write a file; if `check` then raises, restore the previous one."""
-    before = path.read_bytes() if path.exists() else None
-    path.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(path, data)
-    try:
-        check(path)
-    except TruingError:
-        if before is None:
-            path.unlink()
-        else:
-            replace_file(path, before)
-        raise
+async def _receive(request: Request, part: Path, name: str) -> None:
+    """Write a request's body to disk.
 
-
-def _is_verdict(data: bytes) -> bool:
-    try:
-        content = json.loads(data)
-    except ValueError:
-        return False
-    return isinstance(content, dict) and "verdict" in content
+    Raises
+    ------
+    ClientDisconnect : the client left before the end.
+    """
+    size = 0
+    piece = bytearray()
+    with part.open("wb") as file:
+        async for chunk in request.stream():
+            size += len(chunk)
+            if size > MAX_BYTES:
+                raise _RefusedError(f"{name}: larger than {MAX_BYTES // 1_000_000} MB.")
+            piece += chunk
+            if len(piece) >= _PIECE_BYTES:
+                await asyncio.to_thread(file.write, bytes(piece))
+                piece.clear()
+        await asyncio.to_thread(file.write, bytes(piece))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +9,6 @@ from typing import Any
 from truing.errors import PlanError, TruingError
 from truing.plan import Plan, parse_plan
 from truing.recording.baseline import Baseline, read_baseline
-from truing.recording.reader import read_run
 from truing.recording.run import Run
 from truing.workspace import out_folder, recordings_folder
 
@@ -72,31 +70,3 @@ def plan_of_run(run: Run) -> Plan | None:
 def safe_name(name: str) -> str:
     """A file name without path separators or other special characters."""
     return "".join(c if c.isalnum() or c in "._-" else "_" for c in Path(name).name).lstrip(".")
-
-
-def save_dropped(folder: Path, name: str, data: bytes) -> Path:
-    """Store a run that was dropped onto a page, if it is a valid one.
-
-    Raises
-    ------
-    TruingError : it is not a run (docs/DATA_FORMAT.md, section 2); the message names the position.
-    """
-    safe = safe_name(name) or "run.csv"
-    path = folder / "runs" / (safe if safe.endswith((".csv", ".json")) else f"{safe}.csv")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    before = path.read_bytes() if path.exists() else None
-    path.write_bytes(data)
-    try:
-        if path.suffix == ".json":
-            json.loads(data)
-        else:
-            read_run(path)
-    except (TruingError, ValueError) as error:
-        if before is None:
-            path.unlink()
-        else:
-            path.write_bytes(before)
-        if isinstance(error, TruingError):
-            raise
-        raise TruingError(f"{name}: is not JSON") from error
-    return path

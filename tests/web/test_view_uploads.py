@@ -1,0 +1,149 @@
+"""Files dropped onto a page: kept by what they are, refused in one line, and never in the way of the link."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import socket
+import time
+from http.client import HTTPConnection
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+from truing.errors import FileError
+from truing.recording.baseline import read_baseline
+from truing.web.models.error_model import read_verdict
+from truing.web.process.helper import HelperProcess
+from truing.web.process.run_cache import RunCache
+from truing.web.runs.arrivals import store
+from truing.web.runs.dropped_files import MAX_BYTES
+from web.synthetic_runs import BASELINE, VERDICT, synthetic_set
+from web.upload_load import HEADER, ROW, measure, post
+from web.view_process import ViewProcess
+
+
+def stored(tmp_path, name: str, data: bytes):
+    part = tmp_path / "part"
+    part.write_bytes(data)
+    return store(name, part, tmp_path / "dropped", tmp_path / "diagnoses")
+
+
+def test_dropped_files_are_kept_by_what_they_are(tmp_path):
+    data = (synthetic_set(tmp_path / "made") / "runs/01_straight.csv").read_bytes()
+    dropped, diagnoses = tmp_path / "dropped", tmp_path / "diagnoses"
+    kept = dropped / "runs/01_straight.csv"
+    assert stored(tmp_path, "../../01_straight.csv", data)["path"] == str(kept)
+    assert stored(tmp_path, "baseline.toml", BASELINE.encode())["kind"] == "baseline"
+    assert stored(tmp_path, "v.json", json.dumps(VERDICT).encode())["kind"] == "diagnosis"
+    assert read_verdict(diagnoses / "v.json")["name"] == "made"
+    assert "error" in stored(tmp_path, "01_straight.csv", b"not a run")
+    assert kept.read_bytes() == data
+    assert "error" in stored(tmp_path, "y.json", b'{"verdict": 1}')
+    assert not (diagnoses / "y.json").exists()
+    assert "error" in stored(tmp_path, "x.toml", b"= =")
+    assert read_baseline(dropped / "baseline.toml").left.gain_mps == 1.45
+    with pytest.raises(FileError):
+        read_verdict(tmp_path / "nowhere.json")
+
+
+@pytest.mark.parametrize(
+    ("name", "data"),
+    [
+        ("x.csv", b"not a run"),
+        ("x.csv", bytes(range(256)) * 40),
+        ("x.csv", b""),
+        ("x.toml", b"= ="),
+        ("x.json", b"{"),
+        ("x.json", b"[" * 200_000),
+        ("x.json", b'{"a":' * 50_000),
+        ("x.json", b'"' + b"\xff" * 100 + b'"'),
+    ],
+)
+def test_a_hostile_file_is_refused_in_one_line_that_names_it(tmp_path, name, data):
+    error = stored(tmp_path, name, data)["error"]
+    assert error.startswith("x.")
+    assert "\n" not in error
+    assert len(error) < 300
+    assert "part" not in error.split(":")[0]
+
+
+def test_runs_that_were_read_are_forgotten_once_they_take_too_much_memory(tmp_path):
+    files = sorted((synthetic_set(tmp_path) / "runs").glob("*.csv"))
+    cache = RunCache(max_bytes=20_000)
+    first = cache.read(files[0])
+    assert cache.read(files[0]) is first
+    for file in files[1:]:
+        cache.read(file)
+    assert cache.bytes <= 20_000
+    assert cache.read(files[0]) is not first
+
+
+def test_a_helper_that_has_needed_much_memory_ends_once_nobody_asks_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("truing.web.process.helper._LARGE_MB", 1.0)
+    monkeypatch.setattr("truing.web.process.helper._IDLE_S", 0.2)
+    helper = HelperProcess("truing.web.process.arrival_main")
+    request = {"name": "x.csv", "part": "x", "dropped": "d", "diagnoses": "d"}
+    with pytest.raises(Exception, match=r"x\.csv|no such file"):
+        asyncio.run(helper.ask(request))
+    until = time.monotonic() + 20.0
+    while helper.is_running and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not helper.is_running
+
+
+@pytest.fixture(scope="module")
+def view(tmp_path_factory, image, native_library):
+    made = ViewProcess(tmp_path_factory.mktemp("view") / "out")
+    yield made
+    made.close()
+
+
+def begin_upload(view: ViewProcess, size: int) -> socket.socket:
+    """A connection on which an upload of that size has been announced."""
+    where = urlsplit(view.address)
+    raw = socket.create_connection((where.hostname, where.port), timeout=30)
+    head = f"POST /dropped?name=x.csv HTTP/1.1\r\nHost: {where.netloc}\r\nContent-Length: {size}\r\n\r\n"
+    raw.sendall(head.encode())
+    return raw
+
+
+@pytest.mark.slow
+def test_a_file_that_is_too_large_is_refused_before_it_is_sent(view):
+    with begin_upload(view, MAX_BYTES + 50_000_000) as raw:
+        answer = b""
+        while b"}" not in answer and (got := raw.recv(4096)):
+            answer += got
+    assert answer.startswith(b"HTTP/1.1 413")
+    assert b"x.csv: 250 MB; a page takes files of up to 200 MB" in answer
+
+
+@pytest.mark.slow
+def test_an_upload_that_breaks_off_leaves_nothing_and_the_next_one_is_taken(view, tmp_path):
+    for _ in range(3):
+        with begin_upload(view, 10_000_000) as raw:
+            raw.sendall(b"t_s,effort_left\n" * 10_000)
+    run = synthetic_set(tmp_path) / "runs/02_straight.csv"
+    assert post(view.address, run, run.name)["kind"] == "run"
+    assert (view.out / "dropped/runs/02_straight.csv").read_bytes() == run.read_bytes()
+    assert not list((view.out / "dropped/.incoming").iterdir())
+    connection = HTTPConnection(urlsplit(view.address).netloc, timeout=30)
+    connection.request("POST", "/dropped?name=deep.json", b"[" * 300_000)
+    assert "nested too deeply" in json.loads(connection.getresponse().read())["error"]
+    connection.close()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("image", "native_library")
+def test_stops_and_frames_go_on_while_a_recording_of_100_mb_arrives_and_memory_comes_back(tmp_path):
+    """`upload_load.py` measures the bars (0.15 s, 0.3 s) on a machine that does nothing else."""
+    file: Path = tmp_path / "large.csv"
+    # No number in the first row: the whole is read, and the check is short.
+    file.write_text(HEADER + "?" + ROW * int(100e6 / len(ROW)))
+    found = measure(tmp_path / "out", file)
+    assert "row 1" in found.answer["error"]
+    assert found.stops >= 2
+    assert found.stop_s < 1.0, found
+    assert found.gap_s < 1.5, found
+    assert found.grown_mb < 50.0, found
