@@ -88,6 +88,22 @@ def estimate_floor(plan: Plan, model: MotionModel | None = None) -> FloorNeed:
     )
 
 
+def planned_path(plan: Plan, model: MotionModel | None = None) -> FloatArray:
+    """The path that a plan commands: x (m), y (m), theta (rad), from the origin along x, shape (n, 3).
+
+    Without the margins of `estimate_floor`; it ends when the wheels are at rest.
+    """
+    model = model or MotionModel()
+    targets = [*_wheel_targets(plan, model, 1.0), (0.0, 0.0, 5 * model.time_constant_s)]
+    left, right, dt = _wheel_speeds(targets, model)
+    turn = (right - left) / model.wheelbase_m * dt
+    theta = np.cumsum(turn)
+    way = 0.5 * (left + right) * dt
+    steps = np.column_stack((way * np.cos(theta - 0.5 * turn), way * np.sin(theta - 0.5 * turn)))
+    path = np.column_stack((np.cumsum(steps, axis=0), theta))
+    return np.concatenate((np.zeros((1, 3)), path))
+
+
 def _wheel_speeds(
     targets: list[tuple[float, float, float]], model: MotionModel
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -105,7 +121,9 @@ def _wheel_speeds(
     return both[:, 0], both[:, 1], np.concatenate(steps_s)
 
 
-def _wheel_targets(plan: Plan, model: MotionModel) -> list[tuple[float, float, float]]:
+def _wheel_targets(
+    plan: Plan, model: MotionModel, margin: float = _GAIN_MARGIN
+) -> list[tuple[float, float, float]]:
     """Steady wheel speeds (m/s, left and right) and duration of each segment, with margin."""
     targets = []
     for segment in plan.segments:
@@ -117,5 +135,5 @@ def _wheel_targets(plan: Plan, model: MotionModel) -> list[tuple[float, float, f
         else:
             half = 0.5 * b * model.wheelbase_m
             pair = (a - half, a + half)
-        targets.append((pair[0] * _GAIN_MARGIN, pair[1] * _GAIN_MARGIN, segment.duration_s))
+        targets.append((pair[0] * margin, pair[1] * margin, segment.duration_s))
     return targets

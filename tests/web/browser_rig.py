@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 
+START = "Start in 3 s"
+
+
 class Rig:
     """A board, a link that can be cut, and the view connected through it."""
 
@@ -140,6 +143,14 @@ def run_to_the_end(page: Page, start: Callable[[], object]) -> None:
         return stage == "done"
 
     wait(is_saved, "finished run", 90.0)
+
+
+def start_run(page: Page, button: str) -> None:
+    """Press a button that asks for a run, and start the countdown of its preview."""
+    start = page.get_by_role("button", name=START)
+    if not start.is_visible():
+        page.get_by_role("button", name=button).click()
+    start.click()
 
 
 def take_control(page: Page) -> None:

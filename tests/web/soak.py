@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 import numpy as np
 
 from truing.recording.reader import read_run
+from web.browser_rig import START
 from web.process_memory import helpers_mb, resident_mb
 from web.synthetic_runs import VERDICT, synthetic_set
 from web.view_process import ViewProcess
@@ -131,6 +132,7 @@ def _drive(page: Page, seconds: float, min_runs: int) -> int:
             raise RuntimeError(f"{saved} runs saved and {stops} stopped in {time.monotonic() - began:.0f} s")
         known = page.evaluate("truing.live.state.task?.saved ?? ''")
         page.get_by_role("button", name="Run the next experiment").click()
+        page.get_by_role("button", name=START).click()
         # Told by the page itself, so that no change between two looks is missed.
         page.wait_for_function(_BEGAN, timeout=60_000)
         page.wait_for_function(_OVER, timeout=120_000)

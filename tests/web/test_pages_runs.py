@@ -9,7 +9,7 @@ import pytest
 
 from truing.recording.baseline import read_baseline
 from truing.recording.reader import read_run
-from web.browser_rig import go, live, run_to_the_end, wait
+from web.browser_rig import go, live, run_to_the_end, start_run, wait
 from web.synthetic_runs import TAU_S, VERDICT, synthetic_set
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
@@ -232,7 +232,7 @@ def test_the_next_experiment_is_driven_and_joins_the_set(page, rig):
     go(page, "6", "Analysis")
     choose(page, "Set", "recordings/own")
     page.get_by_text("Physics is missing").wait_for()
-    run_to_the_end(page, page.get_by_role("button", name="Run the next experiment").click)
+    run_to_the_end(page, lambda: start_run(page, "Run the next experiment"))
     added = own / "runs/04_next.csv"
     assert added.is_file()
     run = read_run(added)

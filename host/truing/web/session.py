@@ -45,7 +45,12 @@ class ViewOptions:
 
 
 class ViewSession:
-    """Everything that the pages share; knows nothing of the pages themselves."""
+    """Everything that the pages share; knows nothing of the pages themselves.
+
+    Attributes
+    ----------
+    stops : how often a user has pressed STOP, on any page.
+    """
 
     def __init__(self, options: ViewOptions) -> None:
         self.options = options
@@ -64,6 +69,7 @@ class ViewSession:
         self.speed_fraction = 0.4
         self._keys_blocked = False
         self._latched_stop = 0
+        self.stops = 0
         self.start_pose = _START
         self.truth_base: Pose | None = None
         self.model = load_model(self.model_file) or ModelChoice()
@@ -148,6 +154,7 @@ class ViewSession:
         Returns the number of the stop: it is delivered when `worker.stop_acknowledged` has reached it.
         """
         self._keys_blocked = True
+        self.stops += 1
         self._latched_stop = self.worker.stop()
         return self._latched_stop
 

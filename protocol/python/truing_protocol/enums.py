@@ -155,27 +155,19 @@ class RefusalReason(IntEnum):
     OUT_OF_RANGE = 4  # a number lies outside its limits; `detail` is the field's position, counted from 0 (in seq_segments: the segment's index)
     WRONG_STATE = 5  # not possible in this state; `detail` is the state
     FAULT_LATCHED = 6  # a fault is latched; `detail` holds the latched faults' bits; clear_faults first
-    SELF_CHECK_FAILED = (
-        7  # encoders, supply or stored parameters are not fit to move; `detail` holds the faults' bits
-    )
+    SELF_CHECK_FAILED = 7  # encoders, supply or stored parameters are not fit to move; `detail` holds the faults' bits
     UNKNOWN_PARAMETER = 8  # no parameter has this index; `detail` is the index
     SEQUENCE_TOO_LONG = 9  # more segments than the board holds; `detail` is its limit
     SEQUENCE_GAP = 10  # segments must follow one another; `detail` is the index expected
     SEQUENCE_INCOMPLETE = 11  # commit before all segments arrived; `detail` is the number received
-    SEQUENCE_BAD_CRC = (
-        12  # the segments received do not have the CRC that was committed; `detail` is the CRC found
-    )
+    SEQUENCE_BAD_CRC = 12  # the segments received do not have the CRC that was committed; `detail` is the CRC found
     SEQUENCE_EMPTY = 13  # no upload is under way, or there is no committed sequence to start; `detail` is the sequence_state
     UNKNOWN_SEGMENT_KIND = 14  # a segment's kind is none of segment_kind; `detail` is the segment's index
     LOG_GONE = 15  # the log's ring has overwritten this offset; `detail` is the oldest offset left
     LOG_BEYOND_END = 16  # nothing is sealed at this offset yet; `detail` is the end offset
     LOG_BUSY = 17  # not while a log is being written
-    STORE_FAILED = (
-        18  # the flash did not take the parameters; the set stored before still holds; `detail` is the slot
-    )
-    NOT_ARMED = (
-        19  # nobody has allowed the board to move since it started: `arm` first; `detail` is the boot id
-    )
+    STORE_FAILED = 18  # the flash did not take the parameters; the set stored before still holds; `detail` is the slot
+    NOT_ARMED = 19  # nobody has allowed the board to move since it started: `arm` first; `detail` is the boot id
     WRONG_BOOT = 20  # meant for another start of the board; `detail` is the boot id of this one
 
 

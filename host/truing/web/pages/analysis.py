@@ -24,6 +24,7 @@ from truing.web.pages.elements import (
 )
 from truing.web.pages.live import task_panel
 from truing.web.pages.run_choice import NO_RUNS, RunChoice
+from truing.web.pages.run_preview import RunPreview
 from truing.web.session import ViewSession
 from truing.web.views.analysis import STATISTICS_HEAD, STEPS_HEAD, USUAL
 from truing.web.views.figures import empty_figure
@@ -51,6 +52,7 @@ class _AnalysisPage:
     def __init__(self, session: ViewSession) -> None:
         self.session = session
         self.client = context.client
+        self.preview = RunPreview(session)
         self.selected = list(USUAL)
         self.known: list[str] = []
         self.view = "signals"
@@ -341,14 +343,14 @@ class _AnalysisPage:
                     button("Run the next experiment", self.run_next, strong=True)
 
     def run_next(self) -> None:
-        """Run the plan that distinguishes the explanations; its run is added to the set."""
+        """Show the plan that distinguishes the explanations, and run it; its run is added to the set."""
         home = self.runs.home
         if home is None:
             return
         plan = self.session.diagnosis.result_of(home.name).with_suffix(".next.toml")
         try:
             request = RunRequest(load_plan(str(plan)), self._folder_for(home.path), "next")
-            self.session.run(self.client.id, request)
+            self.preview.show(request)
         except TruingError as error:
             notify(str(error), good=False)
 

@@ -108,6 +108,14 @@ class DropZone(Element, component=STATIC / "drop_zone.js"):
             self._props[name] = value
 
 
+class Countdown(Element, component=STATIC / "countdown.js"):
+    """A button that counts down; emits `begin`, then `go` or `cancelled`."""
+
+    def __init__(self, text: str, seconds: int) -> None:
+        super().__init__()
+        self._props["text"], self._props["seconds"] = text, seconds
+
+
 class ParameterSlider(Element, component=STATIC / "slider.js"):
     """A parameter with slider, number field and interval; emits `adjust` with the new value."""
 

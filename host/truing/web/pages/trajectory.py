@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from nicegui import context, events, ui
+from nicegui import events, ui
 
 from truing.errors import TruingError
 from truing.plan import Plan
@@ -14,6 +14,7 @@ from truing.web.models.known_robot import known_robot
 from truing.web.pages.components import ModelKeys, TopView
 from truing.web.pages.elements import Choice, PlainTable, button, heading, notify, number, set_text, tag
 from truing.web.pages.live import task_panel
+from truing.web.pages.run_preview import RunPreview
 from truing.web.path.segments import Node, cycles_of, segments_through
 from truing.web.path.sequence_file import checked_name, plan_of, save_sequence
 from truing.web.path.trajectory import Cycle, KeyTrajectory, braked_to_rest, duration_s, path_points, poses
@@ -38,12 +39,12 @@ class _TrajectoryPage:
 
     def __init__(self, session: ViewSession) -> None:
         self.session = session
-        self.client = context.client
         self.by_keys = KeyTrajectory(session.worker.limits)
         self.nodes: list[Node] = []
         self.start = Pose()
         self.name = "path"
         self.speed_fraction = 0.5
+        self.preview = RunPreview(session)
 
     # ---- elements
 
@@ -311,11 +312,11 @@ class _TrajectoryPage:
         set_text(self.saved, f"saved: {path}")
 
     def run(self) -> None:
-        """Save the sequence and run it on the board; the run is recorded."""
+        """Save the sequence, show what it will do, and run it on the board; the run is recorded."""
         try:
             plan = self.plan()
             save_sequence(plan, self.session.sequence_folder)
             request = RunRequest(plan, self.session.run_folder, plan.name)
-            self.session.run(self.client.id, request)
+            self.preview.show(request)
         except TruingError as error:
             notify(str(error), good=False)
