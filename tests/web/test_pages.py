@@ -24,6 +24,7 @@ from web.browser_rig import (
     release_control,
     run_to_the_end,
     speed,
+    start_run,
     take_control,
     wait,
 )
@@ -124,13 +125,15 @@ def test_a_cut_link_is_reported_stops_the_robot_and_is_restored(page, rig):
     wait(lambda: live(page, "state.link?.state") == "connected", "a connected board")
     wait(lambda: speed(page) < 0.02, "standstill")
     wait(lambda: live(page, "state.board?.faults?.some(f => f.name === 'host_silent')"), "the fault's name")
-    page.locator("[data-live-clear]").click()
+    take_control(page)
+    page.get_by_role("button", name="Clear faults").click()
     wait(lambda: live(page, "state.board?.faults?.length") == 0, "cleared faults")
     drive_by_key(page)
     page.keyboard.up("ArrowUp")
 
 
 def test_connect_and_disconnect_by_button(page):
+    take_control(page)
     page.get_by_role("button", name="Disconnect", exact=True).click()
     wait(lambda: live(page, "state.link?.message") == "disconnected by the user", "a disconnected board")
     page.get_by_role("button", name="Connect", exact=True).click()
@@ -139,6 +142,7 @@ def test_connect_and_disconnect_by_button(page):
 
 def test_a_wall_is_painted_seen_saved_and_erased(page, rig):
     go(page, "2", "World")
+    take_control(page)
     wait(lambda: live(page, "state.scan"), "a scan")
     page.get_by_role("button", name="Clear", exact=True).click()
     wait(lambda: live(page, "state.scan.laser.every(mm => mm === null)"), "an open floor")
@@ -181,6 +185,7 @@ def test_a_wall_is_painted_seen_saved_and_erased(page, rig):
 
 def test_sensors_see_as_they_are_set_and_the_same_seed_sees_the_same(page):
     go(page, "2", "World")
+    take_control(page)
 
     def fill(label, value):
         page.get_by_label(label, exact=True).fill(value)
@@ -212,6 +217,7 @@ def test_sensors_see_as_they_are_set_and_the_same_seed_sees_the_same(page):
 
 def test_both_global_maps_grow_and_are_saved_as_maps(page, rig):
     go(page, "2", "World")
+    take_control(page)
     page.get_by_role("button", name="Reset maps", exact=True).click()
     drive_by_key(page)
     page.keyboard.up("ArrowUp")
@@ -243,7 +249,7 @@ def test_a_path_driven_by_six_keys_becomes_a_sequence_that_the_board_runs(page, 
     page.get_by_text("cycles", exact=False).first.wait_for()
     page.get_by_label("Name").fill("keyed")
     page.get_by_label("Name").press("Tab")
-    run_to_the_end(page, page.get_by_role("button", name="Upload and run").click)
+    run_to_the_end(page, lambda: start_run(page, "Upload and run"))
     saved = live(page, "state.task?.saved")
     assert isinstance(saved, str)
     run = read_run(saved)
@@ -281,7 +287,7 @@ def test_lines_are_drawn_dragged_and_run_and_losing_the_page_stops_the_run(brows
     page.mouse.move(box["x"] + 760, box["y"] + 250, steps=5)
     page.mouse.up()
     wait(lambda: summary.inner_text() != first, "a moved end")
-    page.get_by_role("button", name="Upload and run").click()
+    start_run(page, "Upload and run")
     wait(lambda: board_state(page) == "sequence", "a running sequence")
     watcher = open_page(browser, rig, problems)
     try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from web.browser_rig import cycles, drive_by_key, go, live, run_to_the_end, speed, wait
+from web.browser_rig import START, cycles, drive_by_key, go, live, run_to_the_end, speed, take_control, wait
 from web.synthetic_runs import synthetic_set
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
@@ -30,6 +30,7 @@ def tab_to(page, name, tag=""):
 
 def test_a_wall_is_painted_and_saved_by_keys(page, rig):
     go(page, "2", "World")
+    take_control(page)
     wait(lambda: live(page, "state.scan"), "a scan")
     before = live(page, "state.world")
     tab_to(page, "Paint", "BUTTON")
@@ -50,7 +51,16 @@ def test_a_path_is_driven_uploaded_and_run_by_keys(page):
     wait(lambda: cycles(page) >= 14, "a path that takes longer than the shortest run")
     page.keyboard.up("ArrowUp")
     tab_to(page, "Upload and run", "BUTTON")
-    run_to_the_end(page, lambda: page.keyboard.press("Enter"))
+    # The preview's button has the focus when it opens.
+    focused = page.locator("button:focus")
+
+    def press():
+        page.keyboard.press("Enter")
+        page.get_by_role("button", name=START).wait_for()
+        wait(lambda: focused.inner_text() == START, "the preview's button")
+        page.keyboard.press("Enter")
+
+    run_to_the_end(page, press)
 
 
 def test_lists_and_sliders_are_worked_by_keys(page):

@@ -57,7 +57,7 @@ def serve(session: ViewSession, options: ServerOptions, announce: Callable[[str,
     app.on_startup(lambda: _when_listening(shown, port, lambda: announce(address, access)))
     logging.getLogger("uvicorn.error").setLevel(logging.ERROR)
     ui.run(
-        lambda: frame(_routes(session)),
+        lambda: frame(session, _routes(session)),
         host=options.host,
         port=port,
         title="truing",

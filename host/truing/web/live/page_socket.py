@@ -104,8 +104,6 @@ class _PageSocket:
             session.lock.release(self._name)
         elif kind in ("faster", "slower"):
             session.change_speed(self._name, kind == "faster")
-        elif kind == "clear":
-            session.worker.clear_faults()
 
     async def _send(self) -> None:
         last = 0.0

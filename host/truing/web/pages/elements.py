@@ -50,6 +50,11 @@ class Select:
             self._on_change(event.args)
 
 
+def dialog_box() -> Element:
+    """The frame inside a dialog."""
+    return tag("div", classes="dialog-box")
+
+
 def heading(text: str) -> None:
     """A small heading of a panel."""
     tag("h2", text)
@@ -136,9 +141,13 @@ class Toggle:
         self._show()
 
     def _press(self) -> None:
-        self.value = not self.value
-        self._show()
+        self.show(not self.value)
         self._on_change(self.value)
+
+    def show(self, value: bool) -> None:
+        """Show a state that is in force already."""
+        self.value = value
+        self._show()
 
     def _show(self) -> None:
         self._button._props["aria-pressed"] = "true" if self.value else "false"

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from nicegui import context, ui
 
-from truing.web.pages.elements import live_text, tag
+from truing.web.pages.control import ControlGate
+from truing.web.pages.elements import button, dialog_box, live_text, tag
+from truing.web.session import ViewSession
 
 PAGES = {
     "/": "Live",
@@ -29,17 +32,17 @@ _HELP = (
 )
 
 
-def frame(routes: dict[str, Callable[[], None]]) -> None:
-    """The navigation bar and the page of the present address."""
-    session = context.client.id
+def frame(session: ViewSession, routes: dict[str, Callable[[], None]]) -> None:
+    """The navigation bar, the faults, and the page of the present address."""
     ui.add_head_html(
         '<link rel="stylesheet" href="/view-static/theme.css">'
         '<link rel="modulepreload" href="/view-static/live.js">'
         '<script type="module">import { live } from "/view-static/live.js";'
-        f'live.start("{session}");</script>'
+        f'live.start("{context.client.id}");</script>'
     )
     ui.query("html").props('lang="en"')
     help_box = _help()
+    gate = ControlGate(session)
     with tag("header", classes="bar-top"):
         tag("h1", "truing")
         with tag("nav", aria_label="Pages"):
@@ -52,7 +55,7 @@ def frame(routes: dict[str, Callable[[], None]]) -> None:
         with tag("div", classes="state"):
             with tag("span", classes="lamp link", role="status"):
                 live_text("link", "", first="connecting")
-            with tag("span", classes="lamp faults long", role="status"):
+            with tag("span", classes="lamp faults", role="status"):
                 live_text("state", "num")
             with tag("span", classes="lamp driver long", role="status"):
                 live_text("driver", "", first="no driver")
@@ -60,6 +63,11 @@ def frame(routes: dict[str, Callable[[], None]]) -> None:
             with tag("button", "STOP", "stop", type="button", data_live_stop="", aria_keyshortcuts="Space"):
                 tag("kbd", "space", aria_hidden="true", style="color:#fff;border-color:#e58f89")
         tag("div", "STOP NOT DELIVERED: cut the power", "stop-alert", role="alert")
+    with tag("section", classes="fault-banner", aria_label="Faults"):
+        with tag("div", role="alert"):
+            tag("ul", classes="faults", data_live_faults="")
+        clear = partial(gate.run, "clear the faults", session.worker.clear_faults)
+        button("Clear", clear, label="Clear faults")
 
     def mark(path: str) -> None:
         for at, link in links.items():
@@ -82,10 +90,7 @@ def frame(routes: dict[str, Callable[[], None]]) -> None:
 
 
 def _help() -> ui.dialog:
-    with (
-        ui.dialog() as dialog,
-        tag("div", style="background:#1b222c;color:#dbe3ec;padding:18px 22px;border:1px solid #2a333f"),
-    ):
+    with ui.dialog() as dialog, dialog_box():
         tag("h2", "Keys")
         with tag("dl", classes="facts"):
             for keys, what in _HELP:

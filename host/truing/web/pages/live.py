@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from truing.web.pages.components import LiveKeys, StripChart, TopView
+from truing.web.pages.control import ControlGate
 from truing.web.pages.elements import Toggle, button, heading, live_text, tag
 from truing.web.session import ViewSession
 
@@ -33,7 +34,7 @@ def build(session: ViewSession) -> None:
         with tag("section", classes="side", aria_label="Instruments"):
             instruments()
             connection(session)
-            faults_and_task()
+            task_panel()
     LiveKeys()
 
 
@@ -109,6 +110,7 @@ def drive_panel() -> None:
 
 def connection(session: ViewSession) -> None:
     """Board and link state; connect and disconnect."""
+    gate = ControlGate(session)
     with tag("div"):
         heading("Board")
         facts(
@@ -124,17 +126,8 @@ def connection(session: ViewSession) -> None:
             tag("span", " ")
             live_text("link-next", "dim", first="")
         with tag("div", classes="row-tight"):
-            button("Connect", session.worker.reconnect)
-            button("Disconnect", session.worker.disconnect)
-
-
-def faults_and_task() -> None:
-    """Faults by name, and the present task."""
-    with tag("div"):
-        heading("Faults")
-        tag("ul", classes="faults", data_live_faults="", aria_live="polite")
-        tag("button", "Clear faults", "plain", type="button", data_live_clear="", style="margin-top:6px")
-    task_panel()
+            button("Connect", lambda: gate.run("connect the board", session.worker.reconnect))
+            button("Disconnect", lambda: gate.run("disconnect the board", session.worker.disconnect))
 
 
 def task_panel() -> None:

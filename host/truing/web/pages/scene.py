@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from truing.web.pages.components import LiveKeys, Scene3D
 from truing.web.pages.elements import Choice, Toggle, tag
-from truing.web.pages.live import drive_panel, faults_and_task, pose_facts
+from truing.web.pages.live import drive_panel, pose_facts, task_panel
 
 _CAMERAS = {"orbit": "Orbit", "follow": "Follow", "top": "Top"}
 
@@ -20,7 +20,7 @@ def build() -> None:
         with tag("section", classes="side", aria_label="Drive"):
             drive_panel()
             pose_facts()
-            faults_and_task()
+            task_panel()
             tag(
                 "p",
                 "Drag to rotate, scroll to zoom. With the view focused: J, L rotate, I, K tilt, "

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
+from functools import partial
 
 from nicegui import events, ui
 
 from truing.errors import TruingError
 from truing.web.pages.components import LiveKeys, TopView
+from truing.web.pages.control import ControlGate
 from truing.web.pages.elements import Choice, Toggle, button, heading, notify, number, tag
 from truing.web.pages.live import drive_panel
 from truing.web.path.sequence_file import checked_name
@@ -42,6 +45,8 @@ class _WorldPage:
         self.brush_m = 0.1
         self.name = "room"
         self.grid = "none"
+        self.gate = ControlGate(session)
+        self._show_settings: list[Callable[[], object]] = []
 
     def build(self) -> None:
         """Make the elements."""
@@ -68,8 +73,8 @@ class _WorldPage:
                         name.on_value_change(lambda event: setattr(self, "name", str(event.value)))
                     with tag("div", classes="row-tight", style="margin-top:8px"):
                         button("Save", self.save, strong=True)
-                        button("Load", self.load)
-                        button("Clear", self.clear)
+                        button("Load", lambda: self.gate.run("replace the world", self.load))
+                        button("Clear", lambda: self.gate.run("clear the world", self.clear))
                 with tag("div"):
                     heading("Sensors")
                     self._sensors()
@@ -83,7 +88,7 @@ class _WorldPage:
                     )
                     with tag("div", classes="row-tight", style="margin-top:8px"):
                         Toggle("Odometry pose", False, lambda on: self.top.set(odometry=on))
-                        button("Reset maps", self.session.sensing.clear_maps)
+                        button("Reset maps", self.reset_maps)
                         button("Save map", self.save_grid)
                     tag(
                         "p",
@@ -99,8 +104,12 @@ class _WorldPage:
         sensing = self.session.sensing
         settings = sensing.settings
         with tag("div", classes="row-tight"):
-            Toggle("Sonar", settings.sonar_on, lambda on: sensing.configure(sonar_on=on))
-            Toggle("Laser", settings.laser_on, lambda on: sensing.configure(laser_on=on))
+            sonar = Toggle("Sonar", settings.sonar_on, lambda on: self.configure(sonar_on=on))
+            laser = Toggle("Laser", settings.laser_on, lambda on: self.configure(laser_on=on))
+        self._show_settings += [
+            lambda: sonar.show(sensing.settings.sonar_on),
+            lambda: laser.show(sensing.settings.laser_on),
+        ]
         with tag("div", classes="row-tight", style="margin-top:8px"):
             for label, name, low, high, step in (
                 ("Sonars", "sonar_count", 1, 64, 1),
@@ -116,11 +125,31 @@ class _WorldPage:
                 kind = type(value)
 
                 def change(new: float, name: str = name, kind: type = kind) -> None:
-                    sensing.configure(**{name: kind(new)})
+                    self.configure(**{name: kind(new)})
 
-                number(label, value, change, low=low, high=high, step=step)
+                field = number(label, value, change, low=low, high=high, step=step)
+                self._show_settings.append(partial(self._show_setting, field, name))
 
     # ---- actions
+
+    def configure(self, **changes: bool | float) -> None:
+        """Change settings of the sensors; a page that may not shows those in force."""
+        sensing = self.session.sensing
+        if all(getattr(sensing.settings, name) == value for name, value in changes.items()):
+            return
+        self.gate.run("set the sensors", lambda: sensing.configure(**changes), self.show_settings)
+
+    def _show_setting(self, field: ui.number, name: str) -> None:
+        field.set_value(getattr(self.session.sensing.settings, name))
+
+    def show_settings(self) -> None:
+        """Show the settings of the sensors in force."""
+        for show in self._show_settings:
+            show()
+
+    def reset_maps(self) -> None:
+        """Begin both global maps anew."""
+        self.gate.run("reset the maps", self.session.sensing.clear_maps)
 
     def set_brush(self, value: float) -> None:
         """Set the width of the brush."""
@@ -131,6 +160,9 @@ class _WorldPage:
         """Apply a stroke of the mouse."""
         tool = event.args.get("tool")
         points = [(float(x), float(y)) for x, y in event.args.get("points", [])[:_MAX_POINTS]]
+        self.gate.run("change the world", lambda: self._paint(tool, points))
+
+    def _paint(self, tool: str, points: list[tuple[float, float]]) -> None:
         world = self.session.world
         with self.session.sensing.world_lock:
             if tool in ("paint", "erase"):
@@ -142,7 +174,8 @@ class _WorldPage:
 
     def place(self, event: events.GenericEventArguments) -> None:
         """Set the robot's pose in the world; a real robot is not moved."""
-        self.session.place(Pose(event.args["x"], event.args["y"], event.args["theta"]))
+        pose = Pose(event.args["x"], event.args["y"], event.args["theta"])
+        self.gate.run("place the robot", lambda: self.session.place(pose))
 
     def clear(self) -> None:
         """Remove all obstacles."""

@@ -26,6 +26,7 @@ class Live {
     this.stopDelivered = 0;          // newest of them that the board has acknowledged
     this.sampledAt = -Infinity;      // when the last sample arrived, by performance.now()
     this.stale = false;
+    this.faults = [];                // of the board, as far as it has told
     this._shown = 0;
   }
 
@@ -38,6 +39,7 @@ class Live {
     window.addEventListener("blur", () => this.releaseKeys());
     document.addEventListener("visibilitychange", () => { if (document.hidden) this.releaseKeys(); });
     this._open();
+    this._watchHeight();
     setInterval(() => this._heartbeat(), HEARTBEAT_MS);
     setInterval(() => { this.rate = this.frames; this.frames = 0; this._write("frame-rate", this.rate + " fps"); }, 1000);
   }
@@ -135,6 +137,17 @@ class Live {
     }
   }
 
+  _watchHeight() { // the pages fill what the bar and the banner leave
+    const parts = document.querySelectorAll(".bar-top, .fault-banner");
+    if (parts.length < 2) { setTimeout(() => this._watchHeight(), 50); return; }
+    const measure = () => {
+      const height = [...parts].reduce((sum, part) => sum + part.offsetHeight, 0);
+      document.documentElement.style.setProperty("--top", `${height}px`);
+    };
+    const observer = new ResizeObserver(measure);
+    parts.forEach((part) => observer.observe(part));
+  }
+
   _showLink(link) {
     document.body.dataset.link = link.state;
     this._write("link", link.state);
@@ -152,21 +165,17 @@ class Live {
     this._write("mode", board ? board.mode : "–");
     this._write("sequence", board ? board.sequence : "–");
     this._write("log", board ? (board.log_open ? "writing" : "closed") : "–");
-    const faults = board ? board.faults : [];
+    if (board) this.faults = board.faults; // a lost link does not clear a fault: the last known ones stay
+    const faults = this.faults;
     document.body.dataset.faults = faults.length ? "yes" : "no";
     const key = JSON.stringify(faults);
     for (const list of document.querySelectorAll("[data-live-faults]")) {
       if (list.shownFaults === key) continue;
       list.shownFaults = key;
-      list.replaceChildren(...(faults.length ? faults : [null]).map((fault) => {
-        const item = document.createElement("li");
-        if (!fault) { item.textContent = "none"; item.className = "dim"; return item; }
-        const name = document.createElement("b");
-        name.textContent = fault.name + (fault.active ? "" : " (latched)");
-        item.append(name, document.createTextNode(" " + fault.cause + ". "));
-        const next = document.createElement("span");
-        next.className = "dim"; next.textContent = fault.next;
-        item.append(next);
+      list.replaceChildren(...faults.map((fault) => {
+        const item = document.createElement("li"), name = document.createElement("b");
+        name.textContent = fault.name + (fault.active ? " (present)" : " (latched)");
+        item.append(name, document.createTextNode(` ${fault.cause}. Next: ${fault.next}`));
         return item;
       }));
     }
@@ -306,11 +315,10 @@ export const live = new Live();
 window.truing = { live };
 
 document.addEventListener("click", (event) => {
-  const element = event.target.closest?.("[data-live-claim], [data-live-stop], [data-live-clear], [data-live-trail]");
+  const element = event.target.closest?.("[data-live-claim], [data-live-stop], [data-live-trail]");
   if (!element) return;
   if (element.hasAttribute("data-live-claim")) live.toggleControl();
   else if (element.hasAttribute("data-live-stop")) { live.stop(); }
-  else if (element.hasAttribute("data-live-clear")) live.send({ t: "clear" });
   else { live.trail.length = 0; live.truth.length = 0; }
 });
 
