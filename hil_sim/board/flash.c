@@ -82,6 +82,7 @@ static void interrupt_operation(struct board *b)
 
 void flash_reset(struct board *b)
 {
+    flash_cache_settle(b, 0, FLASH_SIZE);
     interrupt_operation(b);
     const struct flash before = b->flash;
     b->flash = (struct flash){.cr = LOCK,
@@ -141,6 +142,7 @@ void flash_forget_code(struct board *b)
 /* The cells are about to change; their content is kept in case the operation is interrupted. */
 static void begin_operation(struct board *b, uint32_t first, uint32_t length)
 {
+    flash_cache_settle(b, first, length);
     memcpy(b->flash_before + first, b->flash_array + first, length);
     b->flash.operation = (struct operation){.first = first, .length = length};
     changed(b, first, length);
@@ -162,6 +164,9 @@ static void erase(struct board *b, uint32_t first, uint32_t length, uint64_t ps)
     begin_operation(b, first, length);
     memset(b->flash_array + first, 0xFF, length);
     run_operation(b, ps);
+    if (b->powered) {
+        flash_cache_erased(b, first, length);
+    }
 }
 
 static void start_erase(struct board *b)
@@ -259,6 +264,7 @@ bool flash_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
         if (write) {
             f->acr = *value & 0x1F07u;
             flash_waits_control(b, f->acr);
+            flash_cache_control(b);
         }
         *value = f->acr;
         return true;
@@ -266,6 +272,7 @@ bool flash_access(struct board *b, uint32_t offset, bool write, uint32_t *value)
         if (write && f->key_step < 2) {
             f->key_step = *value == keys[f->key_step] ? (uint8_t)(f->key_step + 1) : 3;
             f->cr &= f->key_step == 2 ? ~(uint32_t)LOCK : ~0u;
+            flash_cache_unlocked(b);
         }
         return true;
     case 0x08:

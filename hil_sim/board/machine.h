@@ -131,6 +131,7 @@ struct rcc {
     uint32_t hpre, ppre1, ppre2;        /* divisors in force */
 };
 
+enum { FLASH_LINE = 16, FLASH_STALE_LINES = 8 };
 struct flash {
     uint32_t acr, sr, cr, optcr;
     uint8_t key_step, opt_key_step;
@@ -139,11 +140,17 @@ struct flash {
     struct operation {
         uint32_t first, length;
         uint64_t begin_ps, end_ps;
-    } operation; /* the last one */
+    } operation;     /* the last one */
+    bool cache_used; /* the data cache was on since it was last emptied */
+    struct flash_stale_line {
+        uint32_t offset;
+        uint8_t cached[FLASH_LINE], erased[FLASH_LINE];
+    } stale_line[FLASH_STALE_LINES]; /* of the data cache, after an erase */
+    uint32_t stale_lines;
 };
 
 /* Wait states of flash (flash_waits.c); lines are numbered from 1, and 0 is none. */
-enum { FLASH_LINE = 16, FLASH_LINES = FLASH_SIZE / FLASH_LINE, FLASH_KEPT_LINES = 64, FLASH_LITERALS = 64 };
+enum { FLASH_LINES = FLASH_SIZE / FLASH_LINE, FLASH_KEPT_LINES = 64, FLASH_LITERALS = 64 };
 struct flash_cache {
     uint32_t line[FLASH_KEPT_LINES];
     uint64_t used[FLASH_KEPT_LINES]; /* cycle of its last use */
@@ -411,6 +418,12 @@ void exception_svc(struct board *b, uint32_t return_pc);
 void block_measure(const uint8_t *code, uint32_t size, uint32_t it_left, struct block *out);
 void blocks_forget(struct board *b, uint32_t first, uint32_t length);
 uint32_t instruction_cycles(uint16_t op, uint16_t second);
+
+/* flash_cache.c */
+void flash_cache_settle(struct board *b, uint32_t first, uint32_t length);
+void flash_cache_erased(struct board *b, uint32_t first, uint32_t length);
+void flash_cache_control(struct board *b);
+void flash_cache_unlocked(struct board *b);
 
 /* flash_waits.c */
 uint32_t flash_waits_of_block(struct board *b, uint32_t pc, uint32_t size);
