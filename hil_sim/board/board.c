@@ -140,6 +140,7 @@ static void reset_peripherals(struct board *b, enum board_reset cause)
     }
     b->syscfg_memrmp = b->syscfg_pmc = 0;
     memset(b->syscfg_exticr, 0, sizeof b->syscfg_exticr);
+    dbgmcu_freeze_timers(b);
     nvic_refresh(b);
 }
 

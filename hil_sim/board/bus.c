@@ -176,7 +176,8 @@ static bool access_private(struct board *b, uint32_t address, bool write, uint32
         if (write) {
             b->dwt.origin = b->moment - *value;
         } else {
-            *value = runs ? (uint32_t)(b->moment - b->dwt.origin) : 0;
+            const uint64_t cycle = b->halted ? b->dwt.frozen_at : b->moment;
+            *value = runs ? (uint32_t)(cycle - b->dwt.origin) : 0;
         }
         return true;
     }

@@ -123,6 +123,7 @@ struct systick {
 struct dwt {
     uint32_t ctrl;
     uint64_t origin;
+    uint64_t frozen_at; /* while the core is halted */
 };
 
 struct rcc {
@@ -177,6 +178,7 @@ struct timer {
     uint32_t repeats;   /* overflows left until the next update event */
     int encoder_source; /* at channels 1 and 2: 0 none, +n encoder n, -n with its phases swapped */
     bool down;
+    bool frozen; /* by a debugger */
     struct timer_input {
         bool level, passed; /* at the pin, and behind the filter */
         uint64_t due_ps;    /* when a level that differs will have passed */
@@ -538,7 +540,7 @@ void board_hold(struct board *b);
 void board_release(struct board *b, bool sram_lost, bool powered_down);
 void supply_follow(struct board *b);
 bool pwr_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
-bool dbgmcu_freezes_tim(const struct board *b, int timer);
+void dbgmcu_freeze_timers(struct board *b);
 bool dbgmcu_access(struct board *b, uint32_t offset, bool write, uint32_t *value);
 
 /* trace.c */

@@ -13,7 +13,7 @@ static uint32_t divisor(const struct board *b)
 static uint32_t value_at(const struct board *b, uint64_t cycle)
 {
     const struct systick *s = &b->systick;
-    if ((s->ctrl & ENABLE) == 0) {
+    if ((s->ctrl & ENABLE) == 0 || b->halted) {
         return s->from;
     }
     uint64_t ticks = (cycle - s->origin) / divisor(b);
@@ -60,9 +60,11 @@ void systick_freeze(struct board *b, bool frozen)
 {
     if (frozen) {
         fold(b);
+        b->dwt.frozen_at = b->moment;
         event_cancel(b, EVENT_SYSTICK);
     } else {
         b->systick.origin = b->moment;
+        b->dwt.origin += b->moment - b->dwt.frozen_at;
         schedule(b);
     }
 }
@@ -71,7 +73,7 @@ void systick_reset(struct board *b)
 {
     memset(&b->systick, 0, sizeof b->systick);
     b->systick.origin = b->moment;
-    b->dwt = (struct dwt){.ctrl = 0x40000000u, .origin = b->moment};
+    b->dwt = (struct dwt){.ctrl = 0x40000000u, .origin = b->moment, .frozen_at = b->moment};
     event_cancel(b, EVENT_SYSTICK);
 }
 

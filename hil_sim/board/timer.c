@@ -95,7 +95,7 @@ void timer_sync(struct board *b, int timer)
         encoder_lines_follow(b);
         return;
     }
-    if ((t->cr1 & CEN) == 0) {
+    if ((t->cr1 & CEN) == 0 || t->frozen) {
         t->origin = b->moment;
         return;
     }
@@ -134,7 +134,7 @@ void timer_schedule(struct board *b, int timer)
     struct timer *t = &b->timer[timer];
     const unsigned id = EVENT_TIMER0 + (unsigned)timer - 1;
     bool noticed = shadows_differ(t) || (t->dier & UIE) != 0 || (t->cr1 & OPM) != 0;
-    if ((t->cr1 & (CEN | UDIS)) != CEN || timer_is_encoder(b, timer) || !noticed) {
+    if ((t->cr1 & (CEN | UDIS)) != CEN || t->frozen || timer_is_encoder(b, timer) || !noticed) {
         event_cancel(b, id);
         return;
     }

@@ -128,7 +128,7 @@ static void move_counter(struct timer *t, int64_t counts)
     const int64_t range = (int64_t)t->arr_active + 1;
     const uint32_t before = t->from;
     int64_t count = (int64_t)before + counts;
-    if (counts == 0 || (t->cr1 & CEN) == 0) {
+    if (counts == 0 || (t->cr1 & CEN) == 0 || t->frozen) {
         return;
     }
     t->down = counts < 0;

@@ -44,7 +44,7 @@ double timer_output(struct board *b, int timer, int channel)
         return -1;
     }
     bool inverted = (enable & 2u) != 0;
-    if (has_break(timer) && ((t->bdtr & MOE) == 0 || dbgmcu_freezes_tim(b, timer))) {
+    if (has_break(timer) && ((t->bdtr & MOE) == 0 || t->frozen)) {
         if ((t->bdtr & OSSI) == 0) {
             return -1; /* outputs released, RM0090 table 96 */
         }

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from support.board_registers import Registers
+
 LISR, LIFCR = 0x40026000, 0x40026008
 USART3_DR, USART3_CR1, USART3_CR3 = 0x40004804, 0x4000480C, 0x40004814
 USART1_DR = 0x40011004
@@ -19,25 +21,8 @@ BYTE_US = 10 / 921600 * 1e6
 RING = 16
 
 
-class Registers:
-    """Registers of a running board, accessed by its CPU."""
-
-    def __init__(self, board):
-        self.board = board
-
-    def _order(self, address, order):
-        self.board.put("address", address)
-        self.board.put("order", order)
-        while self.board.word("order"):
-            self.board.run_us(1)
-
-    def __getitem__(self, address):
-        self._order(address, 1)
-        return self.board.word("value")
-
-    def __setitem__(self, address, value):
-        self.board.put("value", value)
-        self._order(address, 2)
+class DmaRegisters(Registers):
+    """Those of a board with its DMA's flags by stream."""
 
     def flags(self, stream):
         return self[LISR] >> FLAGS_AT[stream] & 0x3D
@@ -59,7 +44,7 @@ def r(board):
     """A board that is told to read and write registers, USART3 on, its DMA requests too."""
     b = board("dma")
     b.run_us(5_000)
-    registers = Registers(b)
+    registers = DmaRegisters(b)
     registers[USART3_CR3] = DMAR | DMAT
     return registers
 
