@@ -314,6 +314,11 @@ bool board_write_memory(struct board *board, uint32_t address, const uint8_t *da
     return memory != NULL;
 }
 
+void board_set_stack_pointer(struct board *board, uint32_t value)
+{
+    cpu_set(board, UC_ARM_REG_SP, value & ~3u);
+}
+
 void board_cost(const struct board *board, unsigned exception, struct board_cost *out)
 {
     *out = exception < BOARD_EXCEPTIONS ? board->cost[exception] : (struct board_cost){0};

@@ -163,6 +163,8 @@ uint32_t board_can_wire(const struct board_can_frame *frame, uint8_t out[BOARD_C
 bool board_read_memory(const struct board *board, uint32_t address, uint8_t *out, size_t length);
 bool board_write_memory(struct board *board, uint32_t address, const uint8_t *data, size_t length);
 
+/* The stack pointer in use, as a debugger sets it. */
+void board_set_stack_pointer(struct board *board, uint32_t value);
 /* A register as a debugger reads it, with what reading does to it. */
 uint32_t board_read_register(struct board *board, uint32_t address);
 

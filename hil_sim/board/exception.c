@@ -12,15 +12,19 @@ enum {
     FRAME_WORDS = 8,
     FP_FRAME_WORDS = 26
 };
-#define CONTROL_SPSEL 2u
-#define CONTROL_FPCA  4u
-#define XPSR_T        (1u << 24)
-#define XPSR_ALIGN    (1u << 9)
-#define CCR_STKALIGN  (1u << 9)
-#define FPCCR_ASPEN   (1u << 31)
-#define RETURN_NO_FP  (1u << 4)
-#define RETURN_PSP    (1u << 2)
-#define RETURN_THREAD (1u << 3)
+#define SHCSR_BUSFAULTENA (1u << 17)
+#define CONTROL_SPSEL     2u
+#define CONTROL_FPCA      4u
+#define STKERR            (1u << 12) /* CFSR */
+#define UNSTKERR          (1u << 11)
+#define HFSR_FORCED       (1u << 30)
+#define XPSR_T            (1u << 24)
+#define XPSR_ALIGN        (1u << 9)
+#define CCR_STKALIGN      (1u << 9)
+#define FPCCR_ASPEN       (1u << 31)
+#define RETURN_NO_FP      (1u << 4)
+#define RETURN_PSP        (1u << 2)
+#define RETURN_THREAD     (1u << 3)
 
 /* The six that the frame holds, then what else entry needs to know. */
 static const int frame_registers[] = {UC_ARM_REG_R0, UC_ARM_REG_R1,   UC_ARM_REG_R2,
@@ -101,7 +105,23 @@ static void enter_handler(struct board *b, unsigned exception, uint32_t xpsr, ui
     begin_activation(b, exception);
 }
 
-static uint32_t push_frame(struct board *b, uint32_t return_pc, const struct entry_state *state, bool fp)
+/* SP moves whether or not there is memory; what lies in memory is written. False: not all of it does. */
+static bool store_frame(struct board *b, uint32_t base, const uint32_t *words, uint32_t size)
+{
+    uint8_t *frame = cpu_memory(b, base, size, true);
+    if (frame != NULL) {
+        memcpy(frame, words, size);
+    }
+    for (uint32_t i = 0; i < size / 4 && frame == NULL; i++) {
+        uint8_t *word = cpu_memory(b, base + 4 * i, 4, true);
+        if (word != NULL) {
+            memcpy(word, &words[i], 4);
+        }
+    }
+    return frame != NULL;
+}
+
+static bool push_frame(struct board *b, uint32_t return_pc, const struct entry_state *state, bool fp)
 {
     uint32_t words[FP_FRAME_WORDS] = {0};
     memcpy(words, state->frame, sizeof state->frame);
@@ -117,18 +137,43 @@ static uint32_t push_frame(struct board *b, uint32_t return_pc, const struct ent
         place_fp(words, where);
         uc_reg_read_batch(b->uc, fp_registers, where, FP_REGISTERS);
     }
-    uint8_t *frame = cpu_memory(b, base, size, true);
-    if (frame == NULL) {
-        b->scb.cfsr |= 1u << 12; /* STKERR */
-        lock_up(b);
-        return 0;
-    }
-    memcpy(frame, words, size);
+    const bool good = store_frame(b, base, words, size);
     cpu_set(b, UC_ARM_REG_SP, base);
     if (fp) {
         b->scb.fpcar = base + 4u * FRAME_WORDS;
     }
-    return base;
+    return good;
+}
+
+/* The fault of a frame that is not in memory: the bus fault, or the hard fault where that is off or not more
+ * urgent than what is interrupted. */
+static unsigned stack_fault(struct board *b, uint32_t cfsr, int interrupted)
+{
+    b->scb.cfsr |= cfsr;
+    if ((b->scb.shcsr & SHCSR_BUSFAULTENA) != 0 && nvic_group(b, EXC_BUS_FAULT) < interrupted) {
+        return EXC_BUS_FAULT;
+    }
+    b->scb.hfsr |= HFSR_FORCED;
+    return EXC_HARD_FAULT;
+}
+
+/* Which exception begins when its frame could not be stacked: the more urgent one of it and the fault; the
+ * other waits. The bus fault's own handler runs all the same (PM0214 section 2.4.3); the hard fault's cannot.
+ */
+static unsigned after_stack_error(struct board *b, unsigned exception)
+{
+    if (exception == EXC_BUS_FAULT) {
+        b->scb.cfsr |= STKERR;
+        return exception;
+    }
+    const unsigned fault = stack_fault(b, STKERR, nvic_execution_priority(b));
+    if (exception == EXC_HARD_FAULT) {
+        lock_up(b);
+        return 0;
+    }
+    const bool derived_first = nvic_group(b, fault) < nvic_group(b, exception);
+    nvic_pend(b, derived_first ? exception : fault, true);
+    return derived_first ? fault : exception;
 }
 
 static void stack_and_enter(struct board *b, unsigned exception, uint32_t return_pc)
@@ -139,8 +184,11 @@ static void stack_and_enter(struct board *b, unsigned exception, uint32_t return
     bool handler = (state.xpsr & 0x1FFu) != 0;
     bool fp = (control & CONTROL_FPCA) != 0 && (b->scb.fpccr & FPCCR_ASPEN) != 0;
     spend(b, ENTRY_CYCLES + (fp ? FP_CYCLES : 0));
-    if (push_frame(b, return_pc, &state, fp) == 0) {
-        return;
+    if (!push_frame(b, return_pc, &state, fp)) {
+        exception = after_stack_error(b, exception);
+        if (exception == 0) {
+            return;
+        }
     }
     uint32_t exc_return = 0xFFFFFFE1u | (fp ? 0 : RETURN_NO_FP);
     if (!handler) {
@@ -166,6 +214,18 @@ bool exception_take_pending(struct board *b, uint32_t return_pc)
     return true;
 }
 
+/* A frame that is not in memory: its fault follows at once, without stacking (PM0214 section 2.3.7). */
+static void fault_of_return(struct board *b, uint32_t exc_return)
+{
+    const int interrupted = nvic_execution_priority(b);
+    const unsigned fault = stack_fault(b, UNSTKERR, interrupted);
+    if (fault == EXC_HARD_FAULT && interrupted <= -1) {
+        lock_up(b);
+        return;
+    }
+    enter_handler(b, fault, cpu_get(b, UC_ARM_REG_XPSR), cpu_get(b, UC_ARM_REG_CONTROL), exc_return);
+}
+
 static void pop_frame(struct board *b, uint32_t exc_return)
 {
     bool fp = (exc_return & RETURN_NO_FP) == 0;
@@ -175,8 +235,7 @@ static void pop_frame(struct board *b, uint32_t exc_return)
     uint32_t base = cpu_get(b, psp ? UC_ARM_REG_PSP : UC_ARM_REG_MSP);
     const uint8_t *frame = cpu_memory(b, base, size, false);
     if (frame == NULL) {
-        b->scb.cfsr |= 1u << 11; /* UNSTKERR */
-        lock_up(b);
+        fault_of_return(b, exc_return);
         return;
     }
     uint32_t words[FP_FRAME_WORDS];
@@ -264,12 +323,12 @@ void exception_return(struct board *b, uint32_t exc_return)
 void exception_fault(struct board *b, unsigned exception, uint32_t cfsr, uint32_t return_pc)
 {
     static const uint32_t enable[] = {
-        [EXC_MEMORY_FAULT] = 1u << 16, [EXC_BUS_FAULT] = 1u << 17, [EXC_USAGE_FAULT] = 1u << 18};
+        [EXC_MEMORY_FAULT] = 1u << 16, [EXC_BUS_FAULT] = SHCSR_BUSFAULTENA, [EXC_USAGE_FAULT] = 1u << 18};
     b->scb.cfsr |= cfsr;
     int running = nvic_execution_priority(b);
     if (exception != EXC_HARD_FAULT &&
         ((b->scb.shcsr & enable[exception]) == 0 || nvic_group(b, exception) >= running)) {
-        b->scb.hfsr |= 1u << 30; /* FORCED */
+        b->scb.hfsr |= HFSR_FORCED;
         exception = EXC_HARD_FAULT;
     }
     if (exception == EXC_HARD_FAULT && running <= -1) {
@@ -285,6 +344,6 @@ void exception_svc(struct board *b, uint32_t return_pc)
         enter(b, EXC_SVC, return_pc);
     } else {
         exception_fault(b, EXC_HARD_FAULT, 0, return_pc - 2);
-        b->scb.hfsr |= 1u << 30;
+        b->scb.hfsr |= HFSR_FORCED;
     }
 }

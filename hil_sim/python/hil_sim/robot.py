@@ -279,6 +279,10 @@ class VirtualRobot(Simulated):
         if not self._library.board_write_memory(self._board, addr, bytes(data), len(data)):
             raise VirtualRobotError(f"there is no SRAM of {len(data)} bytes at 0x{addr:08X}")
 
+    def set_stack_pointer(self, address: int) -> None:
+        """Set the CPU's stack pointer, between two stretches of code."""
+        self._library.board_set_stack_pointer(self._board, address)
+
     def trace_hash(self) -> str:
         """Return the hash over everything that has happened at the pins, 32 hexadecimal digits."""
         lanes = (ctypes.c_uint64 * 2)()
