@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import truing_protocol as tp
-from hil_sim import VirtualCanBus, VirtualRobot
+from hil_sim import Oscillators, VirtualCanBus, VirtualRobot
 from hil_sim.can_bus import CanFrame
 from support.driving import host
 from truing.board.device import Device
@@ -128,6 +128,41 @@ def test_the_line_is_within_2_per_cent_of_its_rate_from_every_clock(
         assert device.info.clock_source == (
             "internal" if not pll else "crystal_pll" if crystal else "internal_pll"
         )
+        assert device.client.counts.retries == 0
+
+
+@pytest.mark.parametrize("seed", range(1, 9))
+def test_a_chip_with_any_oscillators_within_their_tolerances_starts_and_drives(
+    image: Path, native_library: Path, seed: int
+) -> None:
+    """Its time is the crystal's, however far off the two that start-up and watchdog run from are."""
+    oscillators = Oscillators.drawn(seed)
+    print(oscillators)
+    with VirtualRobot(image, oscillators=oscillators) as robot:
+        device = host(robot)
+        assert device.info.clock_source == "crystal_pll"
+        assert active(device) == set()
+        began_ms, began_us = device.client.request(tp.StatusRequest()).uptime_ms, robot.time_us
+        for _ in range(20):
+            device.set_effort(0.3, 0.3)
+            robot.run_us(100_000)
+        status = device.client.request(tp.StatusRequest())
+        passed_ms = (robot.time_us - began_us) / 1000 * (1 + oscillators.crystal_ppm * 1e-6)
+        assert status.uptime_ms - began_ms == pytest.approx(passed_ms, abs=1.5)
+        assert status.faults_latched == 0
+        assert robot.truth().speed_mps > 0.2
+        assert robot.stats().resets == 1
+        assert robot.warnings() == []
+
+
+@pytest.mark.parametrize("seed", range(1, 5))
+def test_without_a_crystal_the_line_holds_at_25_c(image: Path, native_library: Path, seed: int) -> None:
+    oscillators = Oscillators.drawn(seed, at_25_c=True)
+    with VirtualRobot(image, crystal=False, oscillators=oscillators) as robot:
+        robot.run_us(100_000)  # it waits for the crystal first
+        device = host(robot)
+        assert device.info.clock_source == "internal_pll"
+        assert active(device) == {"clock_fallback"}
         assert device.client.counts.retries == 0
 
 

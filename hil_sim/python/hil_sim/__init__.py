@@ -2,6 +2,7 @@
 
 from hil_sim.can_bus import CanFrame, CanTotals, VirtualCanBus
 from hil_sim.elf import ElfError, Image
+from hil_sim.oscillators import Oscillators
 from hil_sim.plant import PlantError, PlantState, RobotParameters
 from hil_sim.robot import (
     DEFAULT_BOARD_ID,
@@ -27,6 +28,7 @@ __all__ = [
     "EncoderNoise",
     "ExceptionCost",
     "Image",
+    "Oscillators",
     "PlantError",
     "PlantState",
     "ResetCause",

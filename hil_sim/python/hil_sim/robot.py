@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from hil_sim import native
 from hil_sim.can_bus import VirtualCanBus
 from hil_sim.elf import Image
+from hil_sim.oscillators import Oscillators
 from hil_sim.plant import PlantState, RobotParameters, params_of
 from hil_sim.simulated import Simulated
 from hil_sim.unmodelled_effects import UnmodelledEffects
@@ -143,6 +144,7 @@ class VirtualRobot(Simulated):
     board_id : the chip's 12-byte unique id.
     crystal : whether the 8 MHz crystal starts.
     crystal_ppm : how much faster than 8 MHz it is, in steps of 0.125; within 500 either way.
+    oscillators : all three frequencies, instead of `crystal_ppm`; nominal when left out.
     option_bytes : FLASH_OPTCR as the chip loads it, without its lock.
     connected : False leaves the board alone on the bench: no motors, encoders or battery.
     library : another build of the native library.
@@ -167,6 +169,7 @@ class VirtualRobot(Simulated):
         *,
         crystal: bool = True,
         crystal_ppm: float = 0.0,
+        oscillators: Oscillators | None = None,
         connected: bool = True,
         option_bytes: int = OPTION_BYTES,
         library: Path | None = None,
@@ -175,7 +178,8 @@ class VirtualRobot(Simulated):
         self.can_bus: VirtualCanBus | None = None
         if len(board_id) != 12:
             raise VirtualRobotError(f"a board id has 12 bytes, not {len(board_id)}")
-        _check_ppm(crystal_ppm)
+        oscillators = oscillators or Oscillators(crystal_ppm)
+        _check_ppm(oscillators.crystal_ppm)
         self._buffer = ctypes.create_string_buffer(_BUFFER_SIZE)
         self._library = native.load(library) if library else native.load()
         self.image = Image.load(Path(image))
@@ -192,7 +196,9 @@ class VirtualRobot(Simulated):
             fits = address in _FLASH
             if not (fits and self._library.rig_flash(self._rig, address, content, len(content))):
                 raise VirtualRobotError(f"{image} wants to be loaded to 0x{address:08X}, which is not flash")
-        self._library.rig_crystal_ppm(self._rig, crystal_ppm)
+        self._library.rig_crystal_ppm(self._rig, oscillators.crystal_ppm)
+        self._library.board_set_hsi_hz(self._board, oscillators.hsi_hz)
+        self._library.board_set_lsi_hz(self._board, oscillators.lsi_hz)
         self._library.board_set_option_bytes(self._board, option_bytes)
         self._library.rig_power(self._rig, True)
 
