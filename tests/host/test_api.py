@@ -13,6 +13,7 @@ import pytest
 import truing
 from truing.diagnose.result import Diagnosis
 from truing.errors import RecordingError, TruingError
+from truing.identify.first_baseline import with_first_baseline
 from truing.recording.baseline import RobotGeometry
 from truing.recording.run import RecordingSet
 
@@ -245,7 +246,19 @@ def test_an_export_says_which_kinds_there_are(diagnosis: Diagnosis, tmp_path: Pa
         truing.export(EXAMPLE / "baseline.toml", tmp_path / "model.obj", "obj")
 
 
-def test_a_diagnosis_without_a_baseline_says_what_to_give(columns: dict[str, np.ndarray]) -> None:
+def test_a_pose_is_not_judged_against_commands_without_a_baseline(columns: dict[str, np.ndarray]) -> None:
+    """What full effort means in metres per second is in no recording of a command."""
     with pytest.raises(TruingError, match="baseline") as caught:
-        truing.diagnose(truing.read(columns, **GEOMETRY))
+        truing.diagnose(truing.read(columns, **GEOMETRY), commanded=True)
     assert caught.value.next_step
+
+
+def test_without_a_baseline_the_best_first_order_model_is_what_a_diagnosis_compares_with(
+    columns: dict[str, np.ndarray],
+) -> None:
+    found = with_first_baseline(truing.read(columns, **GEOMETRY))
+    assert found.baseline is not None
+    known = truing.identify(found).whole_fits["left"]
+    assert found.baseline.left.gain_mps == pytest.approx(known.gain.value, rel=0.05)
+    assert found.baseline.robot.counts_per_rev == GEOMETRY["counts_per_rev"]
+    assert with_first_baseline(found) is found

@@ -66,7 +66,7 @@ def test_identify_takes_a_file_of_another_program_and_says_what_was_found(tmp_pa
         assert abs(fit["time_constant_s"]["value"] - TAU) < 0.1 * TAU
 
 
-def test_a_spin_on_the_spot_is_imported_but_not_identified_together_with_straight_runs(
+def test_a_spin_on_the_spot_is_imported_when_asked_and_not_identified_with_straight_runs(
     tmp_path: Path,
 ) -> None:
     spin = sysid_rows(drives()[2], 9)
@@ -74,6 +74,9 @@ def test_a_spin_on_the_spot_is_imported_but_not_identified_together_with_straigh
         row[2], row[4], row[6] = -row[2], -row[4], -row[6]
     path = write_sysid(tmp_path / "a.json", **{"track-width": spin})
     result = CliRunner().invoke(group, ["import", str(path), "--out", str(tmp_path / "set")])
+    assert "05_track_width" not in result.output
+    assert "track-width is left out" in result.output
+    result = CliRunner().invoke(group, ["import", str(path), "--out", str(tmp_path / "all"), "--spins"])
     assert "05_track_width" in result.output
     recordings = read_runs(path)
     assert len(recordings) == 4

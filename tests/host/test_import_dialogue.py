@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import importlib.util
 import json
 from pathlib import Path
@@ -18,9 +19,9 @@ from truing.errors import ExpressionError, RecordingError, TruingError
 from truing.identify.identification import identify_set
 from truing.importers.column_guess import guess_columns, sparkline, words
 from truing.importers.expression import Expression
-from truing.importers.mapping import filled_pose
+from truing.importers.mapping import filled_pose, thinned
 from truing.importers.proposal import propose
-from truing.importers.text_table import read_text_table
+from truing.importers.text_table import TextTable, read_text_table
 from truing.recording.axis import Axis
 from truing.recording.baseline import RobotGeometry
 from truing.recording.reader import read_recording_set
@@ -93,7 +94,7 @@ def test_an_ugly_file_is_read_by_one_command_with_one_question(name: str, tmp_pa
     assert QUESTION not in result.output
     for one, other in zip(read_recording_set(again), recordings, strict=True):
         for column, values in one.columns.items():
-            assert np.array_equal(values, other.columns[column])
+            assert np.array_equal(values, other.columns[column], equal_nan=True)
 
 
 def test_without_a_terminal_the_proposal_is_printed_and_nothing_is_written(tmp_path: Path) -> None:
@@ -246,3 +247,106 @@ def test_a_sparkline_has_its_extremes_and_its_gaps() -> None:
     line = sparkline(np.array([0.0, 1.0, np.nan, 7.0]), 4)
     assert line == "▁▂·█"
     assert sparkline(np.array([np.nan])) == ""
+
+
+def test_rows_are_put_together_by_means_of_efforts_and_last_positions() -> None:
+    t = np.arange(0.0, 2.0005, 0.001)
+    effort = np.where(t > 1.0045, 1.0, 0.0)
+    travel = np.cumsum(effort) * 0.001
+    put = thinned({"t_s": t, "effort_left": effort, "pos_left_m": travel}, 100.0)
+    assert put["t_s"] == pytest.approx(np.arange(0.0, 2.005, 0.01))
+    row = int(np.searchsorted(put["t_s"], 1.0099))
+    assert put["effort_left"][row - 1 : row + 2] == pytest.approx([0.0, 0.6, 1.0]), "six of ten samples"
+    assert put["pos_left_m"][-1] == travel[-1]
+    # What the efforts sum up to over time stays.
+    assert np.sum(put["effort_left"][1:]) * 0.01 == pytest.approx(travel[-1], abs=1e-9)
+    assert thinned({"t_s": t[::100]}, 1000.0)["t_s"] == pytest.approx(t[::100])
+
+
+def test_a_pose_from_a_file_of_its_own_joins_the_command_that_it_judges(tmp_path: Path) -> None:
+    """Only a body's motion was commanded, on a clock that both files share; the camera is blind for 2 s."""
+    t = np.arange(100.0, 130.0, 0.1)
+    seen = np.arange(99.5, 129.0, 0.04)
+    seen = seen[(seen < 110.0) | (seen > 112.0)]
+    v = np.where((t > 105.0) & (t < 120.0), 0.2, 0.0)
+    x = 0.2 * np.clip(seen - 105.0, 0.0, 15.0)
+    log, pose = tmp_path / "log.csv.gz", tmp_path / "mocap.csv"
+    rows = "\n".join(f"{a:.2f},{b},0.0" for a, b in zip(t, v, strict=True))
+    log.write_bytes(gzip.compress(f"time [s],v [m/s],w [rad/s]\n{rows}\n".encode()))
+    rows = "\n".join(f"{a:.2f},{b:.5f},0.0,0.0" for a, b in zip(seen, x, strict=True))
+    pose.write_text(f"time [s],x [m],y [m],yaw [rad]\n{rows}\n")
+    out = tmp_path / "set"
+    result = run("import", log, "--pose", pose, "--wheelbase", 0.2, "--out", out, "--yes")
+    assert result.exit_code == 0, result.output
+    recordings = read_recording_set(out)
+    assert recordings.baseline is not None
+    assert recordings.baseline.left.gain_mps == pytest.approx(0.2), "the fastest command is full effort"
+    (read,) = recordings.runs
+    blind = ~np.isfinite(read.columns["truth_x_m"])
+    assert np.all((read.t_s[blind] > 9.9) & (read.t_s[blind] < 12.1))
+    assert blind.sum() >= 18
+    known = read.columns["truth_x_m"][~blind]
+    # Between two samples of the camera, 8 mm at most, at the corners.
+    assert known == pytest.approx(0.2 * np.clip(read.t_s[~blind] - 5.0, 0.0, 15.0), abs=0.004)
+    for name in ("effort_left", "vel_right_mps"):
+        assert np.isfinite(read.columns[name]).all()
+
+
+def test_a_pose_on_another_clock_is_refused_with_both_times(tmp_path: Path) -> None:
+    log, pose = tmp_path / "log.csv", tmp_path / "mocap.csv"
+    log.write_text("time [s],v,w\n" + "\n".join(f"{0.1 * k:.1f},0.1,0" for k in range(50)))
+    pose.write_text("time [s],x,y\n" + "\n".join(f"{900 + 0.1 * k:.1f},{k},0" for k in range(50)))
+    result = run("import", log, "--pose", pose, "--wheelbase", 0.2, "--out", tmp_path / "set", "--yes")
+    assert isinstance(result.exception, RecordingError)
+    assert "shares no time with log.csv: 900 to 904.9, 0 to 4.9" in str(result.exception)
+
+
+def test_the_wiring_is_what_all_files_say_together(tmp_path: Path) -> None:
+    """A load is lifted in one file and lowered in the other, under a current of the same sign."""
+    t = np.arange(0.0, 4.0, 0.02)
+    for name, way, level in (("up", 1.0, 6.0), ("down", -1.0, 1.5)):
+        moving = (t > 1.0) & (t < 3.0)
+        current = np.where(moving, level, 3.5)
+        speed = way * 2.0 * moving
+        rows = "\n".join(f"{a:.2f},{b},{c}" for a, b, c in zip(t, current, speed, strict=True))
+        (tmp_path / f"{name}.csv").write_text(f"time [s],Iq,vel [rad/s]\n{rows}\n")
+    out = tmp_path / "set"
+    result = run("import", tmp_path / "up.csv", tmp_path / "down.csv", "--out", out, "--yes")
+    assert result.exit_code == 0, result.output
+    said = " ".join(result.output.split())
+    assert "drive and motion agree in sign only at times (50% of the moving samples agree)" in said
+    assert all((one.effort("left") > 0.0).all() for one in read_recording_set(out))
+    assert "a current, full effort taken as 6 A" in result.output
+
+
+def test_a_mat_file_is_proposed_as_a_table_is(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    t = np.arange(0.0, 10.0, 0.01)
+    vir = 4.0 * np.sign(np.sin(t))
+    savemat(tmp_path / "axis.mat", {"t": t, "qm": 0.1 * np.cumsum(vir), "vir": vir, "gtau": 35.0})
+    result = run("import", tmp_path / "axis.mat", "--out", tmp_path / "set", "--yes")
+    assert result.exit_code == 0, result.output
+    assert "vir: the only column left, taken as effort" in result.output
+    assert read_recording_set(tmp_path / "set").axis == Axis("translation")
+
+
+def test_a_mode_is_not_taken_for_an_effort_and_says_how_it_could_be(tmp_path: Path) -> None:
+    rows = "\n".join(f"{5 * k},{k * k},{4 * (k > 20)}" for k in range(60))
+    (tmp_path / "mouse.csv").write_text(f"time,leftEncoder,leftMode\n{rows}\n")
+    result = run("import", tmp_path / "mouse.csv", "--out", tmp_path / "set", "--yes")
+    assert isinstance(result.exception, RecordingError)
+    assert "effort = leftMode / 4 * E takes it" in result.exception.next_step
+    edit = ("--set", "effort = leftMode/4*0.39; from_s = 0")
+    assert run("import", tmp_path / "mouse.csv", "--out", tmp_path / "set", "--yes", *edit).exit_code == 0
+
+
+def test_names_of_an_odrive_are_estimates_and_its_setpoints_are_not() -> None:
+    names = ["axis0.encoder.pos_estimate", "axis0.encoder.vel_estimate", "axis0.controller.vel_setpoint"]
+    names += ["axis0.motor.current_control.Iq_measured", "odrive vel"]
+    values = {name: np.linspace(0.0, 1.0, 30) for name in ("time", *names)}
+    table = TextTable(Path("o.csv"), values, {}, {}, tuple(range(30)))
+    found = {column.name: (column.kind, column.unit) for column in guess_columns(table)}
+    assert [found[name][0] for name in names[:4]] == ["pos", "vel", "other", "effort"]
+    assert found[names[3]][1] == "A"
+    assert found["odrive vel"] == ("vel", "rot/s")

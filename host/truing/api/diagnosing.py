@@ -14,6 +14,7 @@ from truing.diagnose.engine import diagnose as diagnose_recordings
 from truing.diagnose.measured import parse_measured, with_measured
 from truing.diagnose.result import Diagnosis
 from truing.diagnose.simulation.warm import compile_once
+from truing.identify.first_baseline import SAID, with_first_baseline
 from truing.progress import Progress, ignore_progress
 from truing.recording.run import Wheel
 
@@ -40,7 +41,8 @@ def diagnose(
     ----------
     recordings : what `read` returned, or what it takes.
     baseline : what the simulation knows, instead of the recordings' own: the path of a baseline.toml, a
-        `Baseline`, a model, or what `identify` or `fit` returned.
+        `Baseline`, a model, or what `identify` or `fit` returned. Without any, the first-order model that
+        fits the runs best.
     wheel : judge this wheel alone.
     wheels_only : leave the pose from outside the robot and the yaw rate aside.
     commanded : compare the pose with what the efforts command, and judge no wheel.
@@ -61,7 +63,7 @@ def diagnose(
     Raises
     ------
     TruingError
-        There is no baseline, or the recordings allow no verdict; says why.
+        The recordings allow no verdict; says why.
 
     Examples
     --------
@@ -72,6 +74,9 @@ def diagnose(
     """
     known = parse_measured(f"{name}={value!r}" for name, value in (measured or {}).items())
     found = with_measured(read(recordings, baseline), known)
+    if found.baseline is None and sim_runs is None and not commanded:
+        LOGGER.info(SAID)
+        found = with_first_baseline(found)
     folder = None if sim_runs is None else Path(sim_runs)
     options = Options(folder, wheels_only, jobs, floor_m, commanded, wheel, tuple(accept), known)
     compile_once(LOGGER.info)

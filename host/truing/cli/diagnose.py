@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 import click
 
 from truing.cli.app import App, pass_app
-from truing.cli.options import axis_option
+from truing.cli.options import axis_option, geometry_options
 
 if TYPE_CHECKING:
     from truing.diagnose.present.text import Section
     from truing.recording.axis import Motion
+    from truing.recording.baseline import RobotGeometry
     from truing.recording.run import Wheel
 
 
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
     "--model",
     metavar="BASELINE.TOML",
     type=click.Path(path_type=Path),
-    help="What the simulation models and its parameters.  [default: the baseline.toml beside the runs]",
+    help="What the simulation models and its parameters.  [default: the baseline.toml beside the runs, else "
+    "the first-order model that fits them best]",
 )
 @click.option(
     "--sim-runs",
@@ -78,6 +80,7 @@ if TYPE_CHECKING:
 )
 @click.option("--wheels-only", is_flag=True, help="Ignore the external pose (truth_*).")
 @axis_option
+@geometry_options
 @click.option("--jobs", type=click.IntRange(min=1), help="Threads.  [default: one for each processor]")
 @pass_app
 def command(
@@ -97,6 +100,7 @@ def command(
     wheels_only: bool,
     axis: Motion | None,
     jobs: int | None,
+    geometry: RobotGeometry,
 ) -> None:
     """Say where the simulation of BASELINE.TOML differs from RUNS, which physics it leaves out, and with what
     confidence; or that its parameters are wrong; or that no effect of the catalogue explains the mismatch.
@@ -124,8 +128,8 @@ def command(
         from truing.diagnose.present.exports import parse_exports, write_exports
         from truing.diagnose.present.text import sections
         from truing.diagnose.simulation.warm import compile_once
-        from truing.errors import IdentifyError
-        from truing.recording.geometry import with_axis
+        from truing.identify.first_baseline import SAID, with_first_baseline
+        from truing.recording.geometry import with_axis, with_given_geometry
         from truing.recording.writer import check_output, replace_file
 
         wanted = parse_exports(exports)
@@ -133,13 +137,11 @@ def command(
             if path is not None:
                 check_output(path)
         known = parse_measured(measured)
-        recordings = with_measured(with_axis(read_input(runs, model), axis), known)
-        if recordings.baseline is None:
-            raise IdentifyError(
-                f"{runs}: there is no baseline.toml beside it to compare with",
-                f"`truing identify {runs} --write-baseline baseline.toml` finds one for --model; "
-                "it has [wheel.left] and [wheel.right] with gain_mps and time_constant_s",
-            )
+        found = with_given_geometry(with_axis(read_input(runs, model), axis), geometry)
+        recordings = with_measured(found, known)
+        if recordings.baseline is None and sim_runs is None and not commanded:
+            app.note(SAID)
+            recordings = with_first_baseline(recordings)
         if recordings.axis is not None:
             # Both sides hold the axis' numbers: one of them is judged, and pose and turns mean nothing.
             wheel, wheels_only = "left", True

@@ -14,6 +14,7 @@ from truing.cli.options import POSITIVE, axis_option, json_option
 if TYPE_CHECKING:
     from truing.importers import Imported
     from truing.importers.mapping import Mapping
+    from truing.importers.proposal import Proposal
     from truing.recording.axis import Motion
 
 
@@ -58,12 +59,20 @@ if TYPE_CHECKING:
     "edits",
     metavar="NAME=EXPRESSION",
     multiple=True,
-    help="Change the proposed mapping: vel_left_mps='v - w*b/2', b=0.23, acts=after, from_s=2, to_s=30.",
+    help="Change the proposed mapping: vel_left_mps='v - w*b/2', b=0.23, acts=after, from_s=2, to_s=30, "
+    "rate_hz=50.",
 )
 @click.option(
     "--preview", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
     help="Draw the first run of a table as .html or .png.",
 )  # fmt: skip
+@click.option(
+    "--pose",
+    metavar="FILE",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="A table of the pose from outside (time, x, y, heading) on the same clock.",
+)
+@click.option("--spins", is_flag=True, help="Keep tests of a SysId file that turn the robot on the spot.")
 @click.option("--yes", is_flag=True, help="Take the proposed mapping without a question.")
 @axis_option
 @json_option
@@ -81,6 +90,8 @@ def command(
     wheel_radius: float | None,
     edits: tuple[str, ...],
     preview: Path | None,
+    pose: Path | None,
+    spins: bool,
     yes: bool,
 ) -> None:
     """Turn recordings of other programs into a set of runs, and say what looks wrong with them.
@@ -108,29 +119,33 @@ def command(
       truing import bag_folder --out out/sets/bag --wheelbase 0.35 --metres-per-unit 0.05
       truing import log.csv --out out/sets/log
       truing import motor.txt --out out/sets/motor --full-effort 400 --yes
+      truing import odometry.dat --pose mocap.csv --wheelbase 0.26 --out out/sets/mocap
       truing import log.csv --mapping log.mapping.toml --out out/sets/log
     """
     from truing.cli.import_dialogue import agreed_mapping
     from truing.errors import OutputError
-    from truing.importers import ImportOptions, import_file, without_mapping
+    from truing.importers import ImportOptions, import_files, without_mapping
+    from truing.importers.proposal import obedient_baseline
     from truing.recording.writer import next_run_path, replace_file, write_run
 
     if any((out / "runs").glob("*.csv")):
         raise OutputError(out, "already holds runs", "Give --out a new folder")
     options = ImportOptions(
         nominal_voltage, metres_per_unit, wheelbase, full_speed, mapping,
-        full_effort=full_effort, wheel_radius_m=wheel_radius,
+        full_effort=full_effort, wheel_radius_m=wheel_radius, pose=pose, spins=spins,
     )  # fmt: skip
-    agreed: tuple[Mapping, str] | None = None
+    agreed: tuple[Mapping, Proposal] | None = None
     tables = without_mapping(files, options)
     if tables:
         agreed = agreed_mapping(app, tables, options, edits, out=out, preview=preview, yes=yes)
     imported = []
     with app.progress("importing") as progress:
-        for number, file in enumerate(files, start=1):
-            chosen = replace(options, mapping=agreed[0]) if agreed and file in tables else options
-            imported.append(import_file(file, chosen).of_axis(axis))
-            progress(number / len(files))
+        # What has a mapping of its own, then what has the one that was agreed.
+        others = [file for file in files if file not in tables]
+        chosen = options if agreed is None else replace(options, mapping=agreed[0])
+        for group, how in ((others, options), (tables, chosen)):
+            imported += [item.of_axis(axis) for item in import_files(group, how)]
+            progress(len(imported) / len(files))
     written = []
     for item in imported:
         for run in item.runs:
@@ -166,7 +181,12 @@ def command(
     _print(app, imported, out)
     if agreed is not None:
         kept = agreed[0].path
-        replace_file(kept, agreed[1].encode("utf-8"))
+        replace_file(kept, agreed[1].to_toml().encode("utf-8"))
+        baseline = obedient_baseline(agreed[1], out.name, written[0][1].interval_s)
+        if baseline is not None:
+            replace_file(out / "baseline.toml", baseline.encode("utf-8"))
+            app.say(f"{out / 'baseline.toml'}: the command, obeyed at once")
+            app.say(f"next: truing diagnose {out} --commanded")
         app.say(f"{kept}: the mapping; the next file needs no question with --mapping {kept}")
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from truing.importers.text_table import TextTable
     from truing.recording.run import Run
 
-QUESTION = "Enter takes it; a line such as `effort_left = pwmL / 255` or `acts = after` changes it"
+QUESTION = "Enter takes it; a line such as `effort_left = pwmL / 255; acts = after` changes it"
 NOT_ACCEPTED = "--yes takes it; or save it as mapping.toml, change it, and give --mapping mapping.toml"
 
 
@@ -33,8 +33,8 @@ def agreed_mapping(
     out: Path,
     preview: Path | None,
     yes: bool,
-) -> tuple[Mapping, str]:
-    """The mapping, and its file's text, of tables that have none: proposed, shown, changed, accepted.
+) -> tuple[Mapping, Proposal]:
+    """The mapping, and what it was made of, for tables that have none: proposed, shown, changed, accepted.
 
     Parameters
     ----------
@@ -49,15 +49,16 @@ def agreed_mapping(
     """
     from truing.importers.mapping import parse_mapping
     from truing.importers.proposal import check_complete, propose
-    from truing.importers.text_table import read_text_table
+    from truing.importers.tables import read_table
 
-    tables = [read_text_table(file) for file in files]
+    tables = [read_table(file, options.pose) for file in files]
     proposal = propose(
         tables,
         nominal_voltage_v=options.nominal_voltage_v,
         full_effort=options.full_effort,
         wheel_radius_m=options.wheel_radius_m,
         wheelbase_m=options.wheelbase_m,
+        full_speed_mps=options.full_speed_mps,
     )
     for edit in edits:
         proposal = proposal.with_edit(edit)
@@ -74,12 +75,12 @@ def agreed_mapping(
                 raise
             app.note(f"{error.message}. {error.next_step}")
         if mapping is not None and yes:
-            return mapping, proposal.to_toml()
+            return mapping, proposal
         if not asks:
             raise TruingError(f"{files[0]}: not imported, the mapping above is only proposed", NOT_ACCEPTED)
         line = click.prompt(QUESTION, default="", show_default=False, err=True).strip()
         if not line and mapping is not None:
-            return mapping, proposal.to_toml()
+            return mapping, proposal
         if line:
             try:
                 proposal = proposal.with_edit(line)

@@ -29,6 +29,7 @@ class Minimum:
     converged: bool
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a step into overflow has no finite cost and is not taken
 def minimise(
     residual: Callable[[FloatArray], FloatArray],
     jacobian: Callable[[FloatArray, FloatArray], FloatArray],

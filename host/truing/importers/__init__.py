@@ -21,6 +21,7 @@ __all__ = [
     "ImportOptions",
     "Imported",
     "import_file",
+    "import_files",
     "import_table",
     "is_foreign",
     "read_runs",
@@ -71,25 +72,63 @@ def import_file(path: Path, options: ImportOptions | None = None) -> Imported:
     ------
     RecordingError : no importer knows the file, or it is damaged; names the place.
     """
+    (imported,) = import_files([path], options)
+    return imported
+
+
+def import_files(paths: Sequence[Path], options: ImportOptions | None = None) -> list[Imported]:
+    """Files of one robot, in their order: what its wiring is, all of them decide together.
+
+    Raises
+    ------
+    RecordingError : no importer knows a file, or it is damaged; names the place.
+    """
+    from .traps import turn_signs
+
     options = options or ImportOptions()
+    read = [(path, *_read(path, options)) for path in paths]
+    signs = turn_signs([test for _, _, tests, _ in read for test in tests])
+    return [
+        _imported(path, kind, tests, findings, options, signs if number == 0 else [])
+        for number, (path, kind, tests, findings) in enumerate(read)
+    ]
+
+
+def _read(path: Path, options: ImportOptions) -> tuple[str, list[ForeignTest], list[Finding]]:
+    """Kind, tests and findings of a file; tests that are too short for a run are left out."""
     head = _head(path)
     importer = next((item for item in importers() if item.matches(path, head)), None)
     if importer is None:
         kinds = ", ".join(item.KIND for item in importers())
         raise RecordingError(path, "no importer knows this file", next_step=f"Known kinds: {kinds}")
     tests, findings = importer.read(path, options)
-    return _imported(path, importer.KIND, tests, findings, options)
+    return importer.KIND, *_long_enough(path, tests, findings)
+
+
+def _long_enough(
+    path: Path, tests: list[ForeignTest], findings: list[Finding]
+) -> tuple[list[ForeignTest], list[Finding]]:
+    kept = [test for test in tests if test.time.size >= MINIMUM_ROWS]
+    findings = findings + [
+        Finding("too_short", f"only {test.time.size} rows; left out", test.name)
+        for test in tests
+        if test.time.size < MINIMUM_ROWS
+    ]
+    if not kept:
+        raise RecordingError(path, f"no test has the {MINIMUM_ROWS} rows that a run needs")
+    return kept, findings
 
 
 def without_mapping(files: Sequence[Path], options: ImportOptions) -> list[Path]:
     """The files among these that are tables for which no mapping was given or lies beside them."""
-    from . import mapped_csv
+    from . import mapped_csv, matlab
 
     found = []
     for file in files:
         head = _head(file)
         importer = next((item for item in importers() if item.matches(file, head)), None)
-        if importer is mapped_csv and not mapped_csv.has_mapping(file, options):
+        table = importer is mapped_csv or (importer is matlab and not matlab.has_own_columns(file))
+        if table and not mapped_csv.has_mapping(file, options):
             found.append(file)
     return found
 
@@ -104,27 +143,26 @@ def import_table(
     RecordingError : a column is missing, or holds what is no number; names it and the row.
     """
     from .mapping import apply
+    from .traps import turn_signs
 
     source = Path(name)
-    return _imported(source, "table", apply(mapping, table, source), [], options or ImportOptions())
+    tests, findings = _long_enough(source, apply(mapping, table, source), [])
+    return _imported(source, "table", tests, findings, options or ImportOptions(), turn_signs(tests))
 
 
 def _imported(
-    path: Path, kind: str, tests: list[ForeignTest], findings: list[Finding], options: ImportOptions
+    path: Path,
+    kind: str,
+    tests: list[ForeignTest],
+    findings: list[Finding],
+    options: ImportOptions,
+    signs: list[Finding],
 ) -> Imported:
-    """Tests as runs, once they have been looked at."""
+    """Tests as runs, once they have been looked at; `signs`: what was said of their drives' signs."""
     from .traps import inspect
 
-    kept = [test for test in tests if test.time.size >= MINIMUM_ROWS]
-    findings += [
-        Finding("too_short", f"only {test.time.size} rows; left out", test.name)
-        for test in tests
-        if test.time.size < MINIMUM_ROWS
-    ]
-    if not kept:
-        raise RecordingError(path, f"no test has the {MINIMUM_ROWS} rows that a run needs")
-    findings += inspect(path, kept)
-    runs = tuple(to_run(test, number, options, path, findings) for number, test in enumerate(kept, start=1))
+    findings = [*findings, *signs, *inspect(path, tests)]
+    runs = tuple(to_run(test, number, options, path, findings) for number, test in enumerate(tests, start=1))
     return Imported(path, kind, runs, tuple(findings))
 
 

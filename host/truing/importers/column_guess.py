@@ -18,6 +18,8 @@ Kind: TypeAlias = Literal[
 ]
 BARS = "▁▂▃▄▅▆▇█"
 SPARK_WIDTH = 24
+# A supply of this is no volts.
+LEAST_MILLIVOLTS = 1000.0
 
 # In this order: a battery's voltage is no effort.
 _SPELLED: dict[Kind, str] = {
@@ -25,15 +27,19 @@ _SPELLED: dict[Kind, str] = {
     "gyro": "gyro gz gyroz wz yawrate",
     "ticks": "enc encoder encoders tick ticks count counts pulses cnt",
     "vel": "vel velocity speed spd rpm radps mps omega",
-    "pos": "pos position dist distance travel angle",
+    "pos": "pos position dist distance travel angle q qm",
     "effort": "effort pwm duty dutycycle throttle volt volts voltage applied cmd command u input power out "
-    "output motor torque drive",
+    "output motor torque drive current iq amps ampere",
     "time": "t time timestamp stamp sec secs seconds ms millis us micros date datetime clock",
 }
 _WORDS = {kind: frozenset(words.split()) for kind, words in _SPELLED.items()}
 _OUTSIDE = frozenset(
     ["truth", "mocap", "vicon", "optitrack", "gps", "uwb", "camera", "cam", "gt", "ref", "tracker"]
 )
+# What a controller asks for, where the same table has what was measured.
+_ASKED = frozenset(["setpoint", "target", "desired", "goal", "reference", "cmd", "command", "commanded"])
+# A value of an estimator is no count, whatever else its name says: ODrive's `encoder.pos_estimate`.
+_ESTIMATED = frozenset(["pos", "vel", "position", "velocity", "speed"])
 _POSE: dict[str, Kind] = {
     "x": "x", "y": "y", "theta": "heading", "yaw": "heading", "heading": "heading", "orientation": "heading",
 }  # fmt: skip
@@ -51,7 +57,8 @@ _UNITS = {
     "mv": "mV", "%": "%", "pct": "%", "percent": "%", "rpm": "rpm", "radps": "rad/s", "rad/s": "rad/s",
     "mps": "m/s", "m/s": "m/s", "mm/s": "mm/s", "mmps": "mm/s", "cm/s": "cm/s", "cmps": "cm/s", "m": "m",
     "mm": "mm", "cm": "cm", "rad": "rad", "deg": "deg", "°": "deg", "deg/s": "deg/s", "dps": "deg/s",
-    "degps": "deg/s", "rot": "rot", "millis": "ms", "micros": "us", "voltage": "V", "secs": "s",
+    "degps": "deg/s", "rot": "rot", "turns": "rot", "turn": "rot", "rev": "rot", "turns/s": "rot/s",
+    "rps": "rot/s", "rev/s": "rot/s", "millis": "ms", "micros": "us", "voltage": "V", "secs": "s",
 }  # fmt: skip
 # Units that a name's last word may say; single letters there say other things.
 _LAST_WORDS = frozenset(_UNITS) - {"v", "m", "volt", "volts"} | {"V"}
@@ -120,6 +127,10 @@ def _guess(name: str, values: FloatArray, table: TextTable) -> Column:
     side = next((_SIDES[word] for word in found if word in _SIDES), "")
     outside = bool(_OUTSIDE & set(found))
     kind: Kind = next((kind for kind, known in _WORDS.items() if known & set(found)), "other")
+    if kind == "ticks" and _ESTIMATED & set(found):
+        kind = "vel" if _WORDS["vel"] & set(found) else "pos"
+    if kind in ("pos", "vel") and _ASKED & set(found):
+        kind = "other"
     pose = next((_POSE[word] for word in found if word in _POSE), None)
     if pose is not None and not side and kind in ("other", "pos"):
         kind = pose
@@ -131,6 +142,10 @@ def _guess(name: str, values: FloatArray, table: TextTable) -> Column:
     unit = _unit(name, found, table, kind)
     if kind == "time" and name in table.iso:
         unit = "s"
+    if not unit and "odrive" in found and kind in ("pos", "vel"):
+        unit = "rot" if kind == "pos" else "rot/s"
+    if kind == "battery" and unit in ("", "V") and finite.size and finite.min() > LEAST_MILLIVOLTS:
+        unit = "mV"
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (np.nan, np.nan)
     return Column(name, kind, side, unit, low, high, len(values) - finite.size, sparkline(values), outside)
 
@@ -143,6 +158,8 @@ def _unit(name: str, found: list[str], table: TextTable, kind: Kind) -> str:
     last = found[-1] if found else ""
     if kind in ("effort", "battery") and (last == "v" or {"volt", "volts", "voltage"} & set(found)):
         return "V"
+    if kind == "effort" and {"current", "iq", "amps", "ampere"} & set(found):
+        return "A"
     if last in _LAST_WORDS:
         return _UNITS[last]
     return next((_UNITS[word] for word in found if word in ("rpm", "percent", "pct", "ms", "us")), "")

@@ -34,6 +34,7 @@ class ImportOptions:
     spins : whether tests that turn the robot on the spot are wanted.
     full_effort : the number that a table without a mapping has for full effort.
     wheel_radius_m : turns a table's rotations into travel at the rim, m.
+    pose : a table of its own with the pose from outside (time, x, y, heading) of the same drive.
     """
 
     nominal_voltage_v: float = NOMINAL_VOLTAGE_V
@@ -44,6 +45,7 @@ class ImportOptions:
     spins: bool = True
     full_effort: float | None = None
     wheel_radius_m: float | None = None
+    pose: Path | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
-from typing import Any
 
 from truing.errors import RecordingError
 
 from .foreign import Finding, ForeignTest, ImportOptions
 from .mapping import EXAMPLE, Mapping, apply, read_mapping
-from .text_table import SUFFIXES, read_text_table
+from .tables import columns_of, read_table
+from .text_table import GZIP, SUFFIXES
 
 KIND = "CSV with a mapping"
 
 
 def matches(path: Path, head: bytes) -> bool:
-    """Whether this is a text table: a name that says so, and a first line with separators."""
+    """Whether this is a text table: a name that says so, and a first line with separators, or packed."""
+    if head.startswith(GZIP):
+        return path.suffix.lower() == ".gz" and path.with_suffix("").suffix.lower() in SUFFIXES
     return path.suffix.lower() in SUFFIXES and any(mark in head for mark in (b",", b";", b"\t", b" ", b"|"))
 
 
@@ -54,8 +56,8 @@ def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Fi
     row. One with comments, without a header, ..., or a mapping with `missing = "drop"`, is read as it is.
     """
     mapping = find_mapping(path, options)
-    if mapping.missing == "drop" or not _has_header(path, mapping):
-        return _lenient(path, mapping)
+    if mapping.missing == "drop" or options.pose is not None or not _has_header(path, mapping):
+        return _lenient(path, mapping, options)
     try:
         with path.open(newline="", encoding="utf-8-sig") as stream:
             sample = stream.read(4096)
@@ -84,14 +86,16 @@ def _has_header(path: Path, mapping: Mapping) -> bool:
             first = stream.readline()
     except OSError:
         return True
+    if path.suffix.lower() == ".gz":
+        return False
     names = {cell.strip().strip('"') for mark in ",;\t" for cell in first.split(mark)}
     wanted = {name for source in mapping.columns.values() for name in source.names} - set(mapping.constants)
     return not first.lstrip().startswith(("#", "%", "//")) and bool(names & wanted or "," in first)
 
 
-def _lenient(path: Path, mapping: Mapping) -> tuple[list[ForeignTest], list[Finding]]:
-    table = read_text_table(path)
-    columns: dict[str, Any] = {**table.numbers, **table.texts}
+def _lenient(path: Path, mapping: Mapping, options: ImportOptions) -> tuple[list[ForeignTest], list[Finding]]:
+    table = read_table(path, options.pose)
+    columns = columns_of(table)
     findings = [Finding("table_form", note) for note in table.notes]
     tests = apply(mapping, columns, path)
     used = sum(test.time.size for test in tests)

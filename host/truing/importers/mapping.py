@@ -23,6 +23,7 @@ Example::
     b = 0.23              # for expressions: { expression = "v - w*b/2" }
     [rows]
     from_s = 2.0          # time of the first row that is kept, from the file's first; to_s: of the last
+    rate_hz = 50          # rows of a faster recorder are put together: mean efforts and speeds
 """
 
 from __future__ import annotations
@@ -97,6 +98,7 @@ class Mapping:
     missing: Literal["error", "drop"] = "error"
     from_s: float | None = None
     to_s: float | None = None
+    rate_hz: float | None = None
 
 
 def read_mapping(path: Path) -> Mapping:
@@ -130,7 +132,7 @@ def parse_mapping(tree: AnyMapping[str, Any], path: Path) -> Mapping:
     unknown = sorted(set(tree) - keys)
     if unknown:
         raise FileError(path, f"unknown key {unknown[0]!r}: there are {', '.join(sorted(keys))}")
-    limits = _numbers_table(path, tree, "rows", {"from_s", "to_s"})
+    limits = _numbers_table(path, tree, "rows", {"from_s", "to_s", "rate_hz"})
     plain = Mapping(
         path,
         columns,
@@ -140,6 +142,7 @@ def parse_mapping(tree: AnyMapping[str, Any], path: Path) -> Mapping:
         missing=_missing(path, tree.get("missing", "error")),
         from_s=limits.get("from_s"),
         to_s=limits.get("to_s"),
+        rate_hz=_positive(path, limits.get("rate_hz")),
     )
     if "split" not in tree:
         return plain
@@ -179,6 +182,12 @@ def _numbers_table(
     return {key: float(value) for key, value in table.items()}
 
 
+def _positive(path: Path, rate_hz: float | None) -> float | None:
+    if rate_hz is not None and rate_hz <= 0.0:
+        raise FileError(path, f"[rows] rate_hz must be above zero, not {rate_hz:g}")
+    return rate_hz
+
+
 def _missing(path: Path, value: Any) -> Literal["error", "drop"]:
     if value == "drop":
         return "drop"
@@ -214,12 +223,12 @@ def _source(path: Path, name: str, value: Any) -> Source:
     return Source(value["column"], scale, offset, "scale" in value)
 
 
-def apply(mapping: Mapping, table: AnyMapping[str, Sequence[Any]], source: Path) -> list[ForeignTest]:
+def apply(mapping: Mapping, table: AnyMapping[str, Any], source: Path) -> list[ForeignTest]:
     """The table's rows as tests, in the order in which they stand.
 
     Parameters
     ----------
-    table : columns of equal length, numbers or text, by name.
+    table : columns of equal length by name, each an array or a sequence of numbers or texts.
     source : the file that they come from, for errors.
     """
     for name, wanted in mapping.columns.items():
@@ -245,6 +254,8 @@ def apply(mapping: Mapping, table: AnyMapping[str, Sequence[Any]], source: Path)
         part = {column: values[rows] for column, values in numbers.items()}
         if mapping.effort == "after":
             part |= {column: shifted(part[column]) for column in EFFORT_PAIR}
+        if mapping.rate_hz is not None:
+            part = thinned(part, mapping.rate_hz)
         tests.append(_test(name, part, mapping.columns["t_s"].scaled))
         tests[-1].axis = mapping.axis
     return tests
@@ -263,9 +274,13 @@ def _computed(wanted: Source, raw: AnyMapping[str, FloatArray], mapping: Mapping
 def _kept(
     mapping: Mapping, table: AnyMapping[str, Sequence[Any]], numbers: dict[str, FloatArray]
 ) -> tuple[AnyMapping[str, Sequence[Any]], dict[str, FloatArray]]:
-    """The rows inside the asked time that have all numbers; a pose from outside is filled over short gaps."""
+    """The rows inside the asked time that have all numbers; a pose from outside is filled over short gaps.
+
+    Over longer ones it stays unknown, which is no reason to leave out what the wheels did meanwhile.
+    """
     numbers = numbers | filled_pose(numbers)
-    keep = np.logical_and.reduce([np.isfinite(values) for values in numbers.values()])
+    needed = [values for name, values in numbers.items() if name not in TRUTH_COLUMNS]
+    keep = np.logical_and.reduce([np.isfinite(values) for values in needed])
     time = numbers["t_s"] - float(numbers["t_s"][np.isfinite(numbers["t_s"])][:1].sum())
     with np.errstate(invalid="ignore"):
         if mapping.from_s is not None:
@@ -277,6 +292,27 @@ def _kept(
     rows = np.flatnonzero(keep)
     kept = {name: [values[row] for row in rows] for name, values in table.items()}
     return kept, {name: values[rows] for name, values in numbers.items()}
+
+
+def thinned(numbers: AnyMapping[str, FloatArray], rate_hz: float) -> dict[str, FloatArray]:
+    """Rows put together to about this rate; each new one stands at the end of its interval.
+
+    Efforts, speeds and the supply are means over it, weighted by time; counts, positions and poses are those
+    at its end. A rate above the recorder's own changes nothing.
+    """
+    time = numbers["t_s"]
+    interval = np.floor((time - time[0]) * rate_hz * (1.0 + 1e-9) - 1e-6).astype(np.int64)
+    # The first row is a state, with no interval before it.
+    first = np.flatnonzero(np.diff(interval, prepend=interval[0] - 1))
+    last = np.append(first[1:] - 1, len(time) - 1)
+    weights = np.diff(time, prepend=time[0])
+    weights[0] = 1.0
+    total = np.add.reduceat(weights, first)
+    kept = {}
+    for name, values in numbers.items():
+        mean = name.split("_")[0] in ("effort", "vel", "battery", "gyro", "cmd")
+        kept[name] = np.add.reduceat(weights * values, first) / total if mean else values[last]
+    return kept
 
 
 def filled_pose(numbers: AnyMapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -303,15 +339,10 @@ def filled_pose(numbers: AnyMapping[str, FloatArray]) -> dict[str, FloatArray]:
 
 
 def _numbers(source: Path, column: str, raw: Sequence[Any], missing: Literal["error", "drop"]) -> FloatArray:
-    if missing == "drop" and isinstance(raw, np.ndarray) and raw.dtype == np.float64:
-        return np.asarray(raw)
-    values = np.empty(len(raw))
-    for row, value in enumerate(raw):
-        try:
-            # float() would read 1_000 as a thousand; no program that writes tables means that.
-            values[row] = float(str(value).replace("_", "?"))
-        except ValueError:
-            raise RecordingError(source, f"{value!r} is not a number", column=column, row=row + 1) from None
+    if isinstance(raw, np.ndarray) and raw.dtype == np.float64:
+        values = np.asarray(raw)
+    else:
+        values = _parsed(source, column, raw)
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size and missing == "error":
         raise RecordingError(
@@ -321,6 +352,17 @@ def _numbers(source: Path, column: str, raw: Sequence[Any], missing: Literal["er
             row=int(bad[0]) + 1,
             next_step='missing = "drop" in the mapping takes rows without a number for gaps',
         )
+    return values
+
+
+def _parsed(source: Path, column: str, raw: Sequence[Any]) -> FloatArray:
+    values = np.empty(len(raw))
+    for row, value in enumerate(raw):
+        try:
+            # float() would read 1_000 as a thousand; no program that writes tables means that.
+            values[row] = float(str(value).replace("_", "?"))
+        except ValueError:
+            raise RecordingError(source, f"{value!r} is not a number", column=column, row=row + 1) from None
     return values
 
 

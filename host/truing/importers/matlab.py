@@ -7,12 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from truing.arrays import FloatArray
 from truing.errors import RecordingError
 from truing.recording.run import NUMERIC_COLUMNS
 
 from .foreign import Finding, ForeignTest, ImportOptions
 from .mapped_csv import find_mapping
 from .mapping import Mapping, Source, apply
+from .tables import columns_of, read_table
 
 KIND = "MATLAB .mat"
 
@@ -25,14 +27,22 @@ def matches(path: Path, head: bytes) -> bool:
 def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Finding]]:
     """The vectors of the longest common length; matrices and scalars are left aside."""
     table = read_vectors(path)
-    own = {name: Source(name) for name in table if name in NUMERIC_COLUMNS}
-    if options.mapping is None and {"t_s", "effort_left", "effort_right"} <= own.keys():
+    if options.mapping is None and has_own_columns(path):
+        own = {name: Source(name) for name in table if name in NUMERIC_COLUMNS}
         return apply(Mapping(path, own), table, path), []
-    return apply(find_mapping(path, options), table, path), []
+    mapping = find_mapping(path, options)
+    if options.pose is not None:
+        return apply(mapping, columns_of(read_table(path, options.pose)), path), []
+    return apply(mapping, table, path), []
 
 
-def read_vectors(path: Path) -> dict[str, list[float]]:
-    """Every numeric vector of the file, struct fields as `name.field`."""
+def has_own_columns(path: Path) -> bool:
+    """Whether the vectors have the names of a run's columns, so that no mapping is needed."""
+    return {"t_s", "effort_left", "effort_right"} <= read_vectors(path).keys()
+
+
+def read_vectors(path: Path) -> dict[str, FloatArray]:
+    """Every numeric vector of the longest length, shape (n,); struct fields as `name.field`."""
     import scipy.io
 
     try:
@@ -51,7 +61,7 @@ def read_vectors(path: Path) -> dict[str, list[float]]:
     if not vectors:
         raise RecordingError(path, "holds no numeric vector")
     length = max(len(vector) for vector in vectors.values())
-    return {name: vector.tolist() for name, vector in vectors.items() if len(vector) == length}
+    return {name: vector for name, vector in vectors.items() if len(vector) == length}
 
 
 def _collect(vectors: dict[str, np.ndarray[Any, Any]], name: str, value: Any) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import re
 from collections.abc import Iterable, Sequence
 from collections.abc import Mapping as AnyMapping
 from dataclasses import dataclass, field, replace
@@ -14,7 +16,7 @@ import numpy as np
 from truing.arrays import FloatArray
 from truing.errors import RecordingError, TruingError
 
-from .column_guess import Column, guess_columns
+from .column_guess import Column, guess_columns, words
 from .expression import Expression
 from .foreign import NOMINAL_VOLTAGE_V
 from .text_table import TextTable
@@ -36,9 +38,10 @@ _SPEEDS = {
     "rad/s": 1.0,
     "deg/s": np.pi / 180.0,
     "rpm": np.pi / 30.0,
+    "rot/s": 2.0 * np.pi,
 }
 _LENGTHS = {"": 1.0, "m": 1.0, "mm": 1e-3, "cm": 1e-2, "rad": 1.0, "deg": np.pi / 180.0, "rot": 2.0 * np.pi}
-_ANGULAR = {"rad/s", "deg/s", "rpm", "rad", "deg", "rot"}
+_ANGULAR = {"rad/s", "deg/s", "rpm", "rot/s", "rad", "deg", "rot"}
 NEEDED = (
     "A run needs time (t_s), effort (effort_left and effort_right, or effort), and motion (ticks_, pos_ or "
     "vel_ of both wheels, or ticks, pos_rad, vel_radps, pos_m, vel_mps of one axis)"
@@ -53,24 +56,32 @@ class Proposal:
     ----------
     columns : of the first table, with their guesses.
     notes : what is not said by the files and was assumed.
+    commanded : no wheel was measured; speeds are those that a body's motion commands.
     """
 
     tree: dict[str, Any]
     columns: tuple[Column, ...]
     notes: tuple[str, ...] = field(default=())
+    commanded: bool = False
 
     def with_edit(self, text: str) -> Proposal:
-        """The proposal with one line of a user's: `effort_left = pwmL / 255`, `b = 0.23`, `effort = "after"`.
+        """The proposal with a line of a user's: `effort_left = pwmL / 255`, `b = 0.23; acts = after`.
 
         Raises
         ------
         TruingError : the line is no such thing, or takes a column that is not there.
         """
+        found = self
+        for part in text.split(";"):
+            found = found._with_one(part.strip())
+        return found
+
+    def _with_one(self, text: str) -> Proposal:
         name, mark, value = (part.strip() for part in text.partition("="))
         if not mark or not name or not value:
             raise TruingError(f"{text!r}: NAME = EXPRESSION is due", NEEDED)
         tree = {**self.tree, "columns": dict(self.tree["columns"])}
-        if name in ("from_s", "to_s"):
+        if name in ("from_s", "to_s", "rate_hz"):
             tree["rows"] = {**tree.get("rows", {}), name: _number(text, value)}
         elif name == "acts":
             tree["effort"] = value.strip("\"'")
@@ -104,6 +115,7 @@ def propose(
     full_effort: float | None = None,
     wheel_radius_m: float | None = None,
     wheelbase_m: float | None = None,
+    full_speed_mps: float | None = None,
 ) -> Proposal:
     """A mapping for tables with the same columns.
 
@@ -113,6 +125,7 @@ def propose(
     full_effort : the file's number for full effort; None: volts as above, else the next usual one.
     wheel_radius_m : turns rad/s and rpm of wheels into speeds at the rim, m.
     wheelbase_m : turns a body's speed and turn rate into those of its wheels, m.
+    full_speed_mps : wheel speed of full effort, where only a body's motion is commanded, m/s.
 
     Raises
     ------
@@ -127,13 +140,19 @@ def propose(
                 f"its columns are not those of {table.path.name}: {', '.join(odd)}",
                 next_step="Import files of different columns in calls of their own",
             )
-    columns = guess_columns(table)
     notes: list[str] = []
+    columns = _one_axis(guess_columns(table), notes)
     found: dict[str, Any] = {"t_s": _time(tables, columns, notes)}
     constants: dict[str, float] = {}
-    found |= _efforts(tables, columns, (nominal_voltage_v, full_effort), notes)
+    commanded = False
+    found |= _efforts(tables, _with_left_over(columns, notes), (nominal_voltage_v, full_effort), notes)
+    if not any(name.startswith("effort") for name in found):
+        twist = _twist(columns, (wheelbase_m, full_speed_mps), constants, notes)
+        commanded = bool(twist)
+        found |= twist
     sides = "effort_left" in found
-    found |= _motion(columns, sides, wheel_radius_m, wheelbase_m, constants, notes)
+    if not any(name.startswith("vel") for name in found):
+        found |= _motion(columns, sides, wheel_radius_m, wheelbase_m, constants, notes)
     found |= _others(columns, sides)
     tree: dict[str, Any] = {"missing": "drop", "columns": {k: v for k, v in found.items() if v is not None}}
     if constants:
@@ -144,7 +163,22 @@ def propose(
     missing = _missing(tree["columns"])
     if missing:
         notes.append(f"not found: {', '.join(missing)}")
-    return Proposal(tree, tuple(columns), tuple(notes))
+    return Proposal(tree, tuple(columns), tuple(notes), commanded)
+
+
+def obedient_baseline(proposal: Proposal, name: str, interval_s: float) -> str | None:
+    """A baseline's text for a motion that was only commanded: at full speed within half a row.
+
+    None where wheels were measured: their gains and time constants are what `truing identify` finds.
+    """
+    if not proposal.commanded:
+        return None
+    constants = proposal.tree["constants"]
+    wheel = f"gain_mps = {constants['full']!r}\ntime_constant_s = {0.5 * interval_s:.6g}\n"
+    return (
+        f"[robot]\nname = {json.dumps(name, ensure_ascii=False)}\nwheelbase_m = {constants['b']!r}\n"
+        f"\n[wheel.left]\n{wheel}\n[wheel.right]\n{wheel}"
+    )
 
 
 def check_complete(proposal: Proposal, path: Path) -> None:
@@ -152,7 +186,9 @@ def check_complete(proposal: Proposal, path: Path) -> None:
     missing = _missing(proposal.tree["columns"])
     if missing:
         have = ", ".join(column.name for column in proposal.columns)
-        raise RecordingError(path, f"not found: {', '.join(missing)}; its columns: {have}", next_step=NEEDED)
+        hints = [note for note in proposal.notes if "--wheel" in note or "is no effort" in note]
+        step = ". ".join([*dict.fromkeys(hints), NEEDED])
+        raise RecordingError(path, f"not found: {', '.join(missing)}; its columns: {have}", next_step=step)
 
 
 def _missing(names: Iterable[str]) -> list[str]:
@@ -221,6 +257,94 @@ def _time(tables: Sequence[TextTable], columns: list[Column], notes: list[str]) 
     return {"column": column.name, "scale": TIME_UNITS[unit]}
 
 
+def _one_axis(columns: list[Column], notes: list[str]) -> list[Column]:
+    """The columns without those of other numbered axes, where a table of drives has several.
+
+    The one that moves furthest is kept: drives of one controller are logged together, and most stand still.
+    """
+    if any(column.side for column in columns):
+        return columns
+    kinds = ("pos", "vel", "effort", "ticks")
+    numbers = {c.name: re.findall(r"\d+", c.name)[:1] for c in columns if c.kind in kinds}
+    axes = {found[0] for found in numbers.values() if found}
+    moved = {
+        kind: {numbers[c.name][0]: c.high - c.low for c in columns if c.kind == kind and numbers[c.name]}
+        for kind in ("ticks", "pos", "vel")
+    }
+    spans = next((one for one in moved.values() if len(one) > 1), None)
+    if spans is None or len(axes) < 3 or not all(numbers.values()):
+        # Two of them may be the wheels of a robot, left and right.
+        return columns
+    chosen = max(spans, key=lambda axis: spans[axis])
+    notes.append(f"of axes {', '.join(sorted(axes))}: {chosen}, which moves furthest, is taken")
+    return [
+        column if numbers.get(column.name, [chosen]) == [chosen] else replace(column, kind="other")
+        for column in columns
+    ]
+
+
+def _with_left_over(columns: list[Column], notes: list[str]) -> list[Column]:
+    """The columns with an effort where none has such a name: the only one left that changes."""
+    if any(column.kind == "effort" for column in columns):
+        return columns
+    moves = [c for c in columns if c.kind in ("ticks", "pos", "vel") and not c.outside]
+    rest = [c for c in columns if c.kind == "other" and c.high > c.low and not _like(c, moves)]
+    modes = [c for c in rest if {"mode", "state", "status", "flag"} & set(words(c.name))]
+    notes += [
+        f"{column.name}: a mode is no effort; effort = {column.name} / {column.high:g} * E takes it, "
+        f"with E the effort of mode {column.high:g}"
+        for column in modes
+    ]
+    rest = [column for column in rest if column not in modes]
+    if len(rest) != 1 or not moves:
+        return columns
+    notes.append(f"{rest[0].name}: the only column left, taken as effort")
+    return [replace(column, kind="effort") if column is rest[0] else column for column in columns]
+
+
+def _like(column: Column, moves: Sequence[Column]) -> bool:
+    """Whether a column spans the same numbers as a motion: what was asked for, in the same unit."""
+    spans = [(one.low, one.high, one.high - one.low) for one in moves]
+    return any(
+        abs(column.low - low) < 0.1 * span and abs(column.high - high) < 0.1 * span
+        for low, high, span in spans
+    )
+
+
+def _twist(
+    columns: list[Column],
+    given: tuple[float | None, float | None],
+    constants: dict[str, float],
+    notes: list[str],
+) -> dict[str, Any]:
+    """Efforts and wheel speeds of a body's commanded motion, where nothing else was recorded.
+
+    `given`: the wheelbase and the wheel speed of full effort.
+    """
+    outside = any(column.kind == "x" and column.outside for column in columns)
+    pair = _body_motion(columns)
+    if not outside or pair is None:
+        return {}
+    wheelbase_m, full_mps = given
+    v, w = (c.name if c.name.isidentifier() else f"`{c.name}`" for c in pair)
+    if wheelbase_m is None:
+        notes.append(f"{pair[0].name}, {pair[1].name}: --wheelbase turns a body's motion into its wheels'")
+        return {}
+    fastest = max(abs(pair[0].low), abs(pair[0].high)) + 0.5 * wheelbase_m * max(
+        abs(pair[1].low), abs(pair[1].high)
+    )
+    constants |= {"b": wheelbase_m, "full": full_mps or float(f"{fastest:.3g}")}
+    notes.append(
+        f"{pair[0].name}, {pair[1].name}: taken as commanded, full effort at {constants['full']:g} m/s "
+        "(--full-speed); no wheel was measured: `truing diagnose --commanded` judges the pose"
+    )
+    return {
+        f"{name}_{side}{unit}": {"expression": f"({v} {sign} {w}*b/2){scale}"}
+        for name, unit, scale in (("effort", "", "/full"), ("vel", "_mps", ""))
+        for side, sign in (("left", "-"), ("right", "+"))
+    }
+
+
 def _efforts(
     tables: Sequence[TextTable],
     columns: list[Column],
@@ -259,6 +383,11 @@ def _effort_scale(
         return volts / nominal_voltage_v
     if column.unit == "%":
         return 0.01
+    if column.unit == "A":
+        full = float(f"{largest:.1g}")
+        full = full if full >= largest else full + 10.0 ** math.floor(math.log10(largest))
+        notes.append(f"{column.name}: a current, full effort taken as {full:g} A (--full-effort)")
+        return 1.0 / full
     fractions = any(np.nanmax(np.mod(np.abs(one), 1.0)) > 0.0 for one in values)
     if 1.0 * ABOVE_FULL < largest <= HIGHEST_MOTOR_V and fractions:
         notes.append(
@@ -318,12 +447,10 @@ def _motion(
             )
     if found or not sides:
         return found
-    forward = next((c for c in columns if c.kind == "vel" and not c.side and c.unit not in _ANGULAR), None)
-    turning = next(
-        (c for c in columns if c.kind in ("vel", "gyro") and not c.side and c is not forward), None
-    )
-    if forward is None or turning is None:
+    pair_of_body = _body_motion(columns)
+    if pair_of_body is None:
         return found
+    forward, turning = pair_of_body
     if wheelbase_m is None:
         notes.append(f"{forward.name}, {turning.name}: --wheelbase turns a body's motion into its wheels'")
         return found
@@ -335,15 +462,21 @@ def _motion(
     }
 
 
+def _body_motion(columns: list[Column]) -> tuple[Column, Column] | None:
+    """Forward speed and turn rate of a body, where a table has both."""
+    forward = next((c for c in columns if c.kind == "vel" and not c.side and c.unit not in _ANGULAR), None)
+    turning = next(
+        (c for c in columns if c.kind in ("vel", "gyro") and not c.side and c is not forward), None
+    )
+    return None if forward is None or turning is None else (forward, turning)
+
+
 def _others(columns: list[Column], sides: bool) -> dict[str, Any]:
     """Supply, yaw rate and a pose from outside, where they are there."""
     found: dict[str, Any] = {}
     battery = next((column for column in columns if column.kind == "battery"), None)
     if battery is not None:
-        # Millivolts, where the number is no battery's voltage.
-        found["battery_v"] = _scaled(
-            battery.name, 1e-3 if battery.low > 1000.0 or battery.unit == "mV" else 1.0
-        )
+        found["battery_v"] = _scaled(battery.name, 1e-3 if battery.unit == "mV" else 1.0)
     if not sides:
         return found
     gyro = next((column for column in columns if column.kind == "gyro"), None)

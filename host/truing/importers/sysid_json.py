@@ -59,7 +59,9 @@ def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Fi
         if not data.get(name):
             continue
         if name == SPIN and not options.spins:
-            text = f"test {SPIN} is left out: tyres twisted on the spot rub more; truing import keeps it"
+            text = (
+                f"test {SPIN} is left out: tyres twisted on the spot rub more; truing import --spins keeps it"
+            )
             findings.append(Finding("spin_left_out", text))
             continue
         rows = _rows(path, name, data[name])

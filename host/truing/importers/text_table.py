@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import gzip
 import math
 import re
+import zlib
 from collections import Counter
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -16,6 +18,7 @@ from truing.arrays import FloatArray
 from truing.errors import RecordingError
 
 SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".log", ".asc")
+GZIP = b"\x1f\x8b"
 COMMENTS = ("#", "%", "//", "!")
 MISSING = frozenset({"", "nan", "na", "n/a", "null", "none", "-", "--", "inf", "-inf", "#n/a", "nil"})
 # Lines that are looked at to find the form of the table.
@@ -59,7 +62,7 @@ class TextTable:
 
 
 def read_text_table(path: Path) -> TextTable:
-    """Read a text table, whatever its form.
+    """Read a text table, whatever its form, packed by gzip or not.
 
     Raises
     ------
@@ -89,7 +92,8 @@ def read_text_table(path: Path) -> TextTable:
         raise RecordingError(
             path, f"no line of {width} numbers", next_step="A table with a row per sample is due"
         )
-    header, units, skipped = _header(rows[:first], lines, separator, width)
+    above = [line for line in lines if line[0] < rows[first][0]]
+    header, units, skipped = _header(rows[:first], above, separator, width)
     if skipped:
         notes.append(f"{skipped} lines before the table skipped")
     if header is None:
@@ -113,6 +117,11 @@ def _lines(path: Path) -> list[tuple[int, str]]:
         data = path.read_bytes()
     except OSError as error:
         raise RecordingError(path, f"cannot be read: {error.strerror}") from None
+    if data.startswith(GZIP):
+        try:
+            data = gzip.decompress(data)
+        except (OSError, EOFError, zlib.error):
+            raise RecordingError(path, "a .gz file that is damaged or cut off") from None
     if b"\0" in data[:4096] and not data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise RecordingError(path, "not a text table: it holds bytes that are zero")
     encoding = "utf-16" if data.startswith((b"\xff\xfe", b"\xfe\xff")) else "utf-8-sig"

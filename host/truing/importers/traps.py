@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,22 +29,42 @@ SMOOTHING_S = 0.06
 CLEAR_SHARE = 0.7  # a lag is believed when it leaves less than this of the difference
 SCALE_TOLERANCE = 0.1
 SIDE_TOLERANCE = 0.15
+# Shares of the largest motion and drive: at rest, and a drive there that friction alone does not hold.
+AT_REST, HOLDING = 0.02, 0.25
 STALE_ROWS = 3  # at a test's start, left over from the test before
 
 
 def inspect(path: Path, tests: Sequence[ForeignTest]) -> list[Finding]:
-    """Everything suspicious about the tests; time, signs and denormal numbers are corrected in place."""
+    """Everything suspicious about the tests; time and denormal numbers are corrected in place."""
     findings = [_settle_time(path, tests)]
     for test in tests:
         findings += _denormals(test)
-    for side in range(2):
-        findings += _signs(tests, side)
     findings += [_stale_start(test) for test in tests]
     findings += [_repeated(test) for test in tests]
-    for side in range(2):
+    for side in (0,) if all(test.axis is not None for test in tests) else (0, 1):
         findings += _speed_against_position(tests, side)
     findings.append(_unequal_sides(tests))
-    return [finding for finding in findings if finding is not None]
+    return [_of_axis(finding, tests) for finding in findings if finding is not None]
+
+
+def turn_signs(tests: Sequence[ForeignTest]) -> list[Finding]:
+    """Drives without a sign, or with that of a motor mounted the other way round, corrected in place.
+
+    `tests`: all of one robot, of whatever files. A load that is lifted in one file and lowered in the next
+    drives the motor both ways: no file alone says how the motor is wired.
+    """
+    if not tests:
+        return []
+    sides = (0,) if all(test.axis is not None for test in tests) else (0, 1)
+    found = [finding for side in sides for finding in _signs(tests, side)]
+    return [_of_axis(finding, tests) for finding in found]
+
+
+def _of_axis(finding: Finding, tests: Sequence[ForeignTest]) -> Finding:
+    """What is said of both sides, once and without a side, where both hold the numbers of one axis."""
+    if not all(test.axis is not None for test in tests):
+        return finding
+    return replace(finding, text=re.sub(r"\b(left|right) (?=drive|position|speed)", "", finding.text))
 
 
 def _settle_time(path: Path, tests: Sequence[ForeignTest]) -> Finding | None:
@@ -118,7 +140,7 @@ def _signs(tests: Sequence[ForeignTest], side: int) -> list[Finding]:
         return []
     found = []
     both_ways = min((moving & (motion < 0.0)).sum(), (moving & (motion > 0.0)).sum()) >= MIN_SAMPLES
-    if both_ways and (drive >= 0.0).all():
+    if both_ways and (drive >= 0.0).all() and not _holds_a_load(drive, motion):
         commanded = all(test.command is not None for test in tests)
         for test in tests:
             given = test.command if commanded else _motion(test, side)
@@ -143,6 +165,14 @@ def _signs(tests: Sequence[ForeignTest], side: int) -> list[Finding]:
     return found
 
 
+def _holds_a_load(drive: FloatArray, motion: FloatArray) -> bool:
+    """Whether the drive stays on at rest: what holds a load up keeps its sign whichever way it goes."""
+    resting = np.abs(motion) < AT_REST * np.max(np.abs(motion), initial=0.0)
+    return bool(
+        resting.sum() >= MIN_SAMPLES and np.median(drive[resting]) > HOLDING * np.max(drive, initial=0.0)
+    )
+
+
 def _motion(test: ForeignTest, side: int) -> FloatArray | None:
     motion = test.motion()
     return None if motion is None else motion[side]
@@ -162,9 +192,11 @@ def _gather(tests: Sequence[ForeignTest], side: int) -> tuple[FloatArray, FloatA
 
 
 def _multiply(test: ForeignTest, side: int, factor: FloatArray) -> None:
+    # Both rows of an axis hold the same numbers.
+    rows = slice(None) if test.axis is not None else side
     for values in (test.volts, test.effort):
         if values is not None:
-            values[side] *= factor
+            values[rows] *= factor
 
 
 def _stale_start(test: ForeignTest) -> Finding | None:

@@ -21,6 +21,7 @@ from truing.recording.run import (
     MODES,
     MOTION_PAIRS,
     REQUIRED_COLUMNS,
+    TRUTH_COLUMNS,
     RecordingSet,
     Run,
     RunMetadata,
@@ -209,6 +210,14 @@ def _check_shape(path: Path, header: list[str], rows: list[list[str]]) -> list[l
 
 
 def _to_numbers(path: Path, name: str, cells: tuple[str, ...], trusted: bool) -> FloatArray:
+    if name in TRUTH_COLUMNS and not all(cells):
+        # In rows without one nothing outside saw the robot.
+        known = np.full(len(cells), np.nan)
+        for number, cell in enumerate(cells, start=1):
+            if cell:
+                _check_number(path, name, number, cell)
+                known[number - 1] = float(cell)
+        return known
     values: FloatArray | None
     try:
         values = np.fromiter(map(float, cells), dtype=np.float64, count=len(cells))

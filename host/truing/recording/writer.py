@@ -7,6 +7,7 @@ import csv
 import errno
 import io
 import json
+import math
 import os
 import re
 import tempfile
@@ -18,7 +19,7 @@ import numpy as np
 from truing.errors import OutputError, RecordingError
 from truing.recording.axis import axis_names
 from truing.recording.reader import METADATA_SUFFIX
-from truing.recording.run import MINIMUM_ROWS, Run, RunMetadata
+from truing.recording.run import MINIMUM_ROWS, TRUTH_COLUMNS, Run, RunMetadata
 
 METADATA_SCHEMA = 1
 
@@ -133,4 +134,6 @@ def _cells(run: Run, name: str) -> list[str]:
     finite = np.isfinite(values).all()
     if finite and (values == np.rint(values)).all() and np.abs(values).max(initial=0.0) < 2**53:
         return [str(int(value)) for value in values.tolist()]
+    if name in TRUTH_COLUMNS:
+        return [repr(value) if math.isfinite(value) else "" for value in values.tolist()]
     return [repr(value) for value in values.tolist()]

@@ -98,7 +98,9 @@ def compare_set(
         if recordings.baseline is None:
             recordings = read_drivetrain(folder)
         began = time.process_time()
-        diagnosis = diagnose(recordings, Options(jobs=1))
+        axis = recordings.axis is not None
+        options = Options(jobs=1, wheels_only=axis, wheel="left" if axis else None)
+        diagnosis = diagnose(recordings, options)
         seconds = time.process_time() - began
         return compare(recordings, diagnosis, seconds, peers, scores_of or peer_scores)
     except FileError as error:

@@ -7,10 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from truing.errors import FileError
-from truing.identify.grey_box import fit_wheel
-from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
+from truing.identify.first_baseline import linear_baseline
+from truing.recording.baseline import RobotGeometry
 from truing.recording.reader import read_recording_set
-from truing.recording.run import WHEELS, RecordingSet, Run, Wheel
+from truing.recording.run import RecordingSet
 
 # Where a folder of recordings has its sets.
 PLACES = ("real", "more/sets", "other/sets")
@@ -23,24 +23,6 @@ def read_drivetrain(folder: Path) -> RecordingSet:
     if recordings.baseline is not None and recordings.baseline.robot is not None:
         robot = recordings.baseline.robot
     return replace(recordings, baseline=linear_baseline(recordings.runs, robot))
-
-
-def linear_baseline(runs: Sequence[Run], robot: RobotGeometry, wheels: Sequence[Wheel] = WHEELS) -> Baseline:
-    """Gain and time constant of each wheel, identified under a model that has nothing else.
-
-    Parameters
-    ----------
-    wheels : those that are there; one that is not gets the numbers of the first that is.
-    """
-    geometry = Baseline(Path("baseline.toml"), WheelModel(1.0, 1.0), WheelModel(1.0, 1.0), robot)
-    found = {wheel: _linear(runs, wheel, geometry) for wheel in wheels}
-    left, right = (found.get(wheel, found[wheels[0]]) for wheel in WHEELS)
-    return replace(geometry, left=left, right=right)
-
-
-def _linear(runs: Sequence[Run], wheel: Wheel, geometry: Baseline) -> WheelModel:
-    found = fit_wheel(runs, wheel, "linear", geometry, hold_out=False, intervals=False).physics
-    return WheelModel(found.gain_mps, found.time_constant_s)
 
 
 def set_folders(recordings: Path) -> tuple[Path, ...]:

@@ -17,9 +17,9 @@ from truing.arrays import FloatArray
 from truing.diagnose.data.set_data import set_data
 from truing.diagnose.simulation.simulator import SetSimulator
 from truing.errors import FileError
+from truing.identify.first_baseline import linear_baseline
 from truing.recording.baseline import RobotGeometry
 from truing.recording.run import RecordingSet, Run
-from truing.studies.real.drivetrains import linear_baseline
 
 FIRST, SECOND = "DATA_EMPS.mat", "DATA_EMPS_PULSES.mat"
 INTERVAL_S = 1e-3

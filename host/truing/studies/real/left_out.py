@@ -58,7 +58,8 @@ def score(peer: Peer, rows: RowSet, below: Mapping[str, Models]) -> tuple[Score,
         ]
     except PeerFailedError as failure:
         return Score(math.nan, math.nan, time.process_time() - began, str(failure)), ()
-    return Score(rows.percent(fitted), rows.percent(left_out), seconds), models
+    unseen = rows.percent(left_out) if left_out else math.nan
+    return Score(rows.percent(fitted), unseen, seconds), models
 
 
 def _left_out(
@@ -67,6 +68,9 @@ def _left_out(
     errors = []
     for part in sorted(set(part_of_run)):
         seen = [run for run in runs if part_of_run[run.run] != part]
+        if not seen:
+            # A single run: the methods are fitted to whole ones.
+            return []
         errors.append(_errors(peer.fit(seen, near), [run for run in runs if part_of_run[run.run] == part]))
     return errors
 

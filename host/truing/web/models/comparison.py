@@ -179,7 +179,7 @@ def _replay(name: str, model: ErrorModel, start: Pose, cycles: list[Cycle]) -> C
 
 def _real(run: Run, baseline: Baseline | None, start: Pose, width: float | None, notes: list[str]) -> Curve:
     speeds = _speeds(run, baseline)
-    if all(name in run.columns for name in TRUTH_COLUMNS):
+    if all(name in run.columns and np.isfinite(run.columns[name]).all() for name in TRUTH_COLUMNS):
         pose = tuple(run.columns[name] for name in TRUTH_COLUMNS)
     else:
         found = run.pose()
