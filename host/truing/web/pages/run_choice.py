@@ -69,16 +69,26 @@ class RunChoice:
             chosen = self.run if kept and self.run else max(available, key=lambda path: path.stat().st_mtime)
         home = next(one for one in found if chosen in one.runs)
         self._set.fill({str(one.path): one.name for one in found}, str(home.path))
-        self._run.fill({str(path): path.stem for path in home.runs}, str(chosen))
+        self._fill_runs(home, chosen)
         self._chose_run()
 
     def _chose_set(self) -> None:
         home = self.sets[self._set.value]
         if self.run in home.runs:
             return  # it is the set that is shown; drawing it anew would take a button from under a click
-        self._run.fill({str(path): path.stem for path in home.runs}, str(home.runs[0]))
+        self._fill_runs(home, home.runs[0])
         self._chose_run()
 
+    def _fill_runs(self, home: FoundSet, chosen: Path) -> None:
+        """List the runs by name, not by path.
+
+        A run chosen from the list of the set before, while the new list is on its way to the page, is then
+        the run of that name in the new set. As a path it would be unknown, and the choice lost.
+        """
+        self._run.fill({path.stem: path.stem for path in home.runs}, chosen.stem)
+
     def _chose_run(self) -> None:
-        self.run = Path(self._run.value) if self._run.value else None
+        home = self.home
+        runs = () if home is None else home.runs
+        self.run = next((path for path in runs if path.stem == self._run.value), None)
         self._on_change()

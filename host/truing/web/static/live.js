@@ -322,6 +322,20 @@ document.addEventListener("click", (event) => {
   else { live.trail.length = 0; live.truth.length = 0; }
 });
 
+// A press counts for what was under the pointer when it began. A text that comes or goes above a button moves it
+// between press and release, and the browser then clicks neither.
+let pressed = null;
+document.addEventListener("pointerdown", (event) => {
+  const element = event.isPrimary && event.button === 0 && event.target.closest?.("button, a[href], summary, label");
+  pressed = element ? { element, x: event.clientX, y: event.clientY } : null;
+}, true);
+document.addEventListener("pointerup", (event) => {
+  const press = pressed;
+  pressed = null;
+  if (!press || press.element.contains(event.target) || !press.element.isConnected) return;
+  if (Math.hypot(event.clientX - press.x, event.clientY - press.y) < 6) press.element.click();
+}, true);
+
 // A plot may be resized while its page is being left: that it is no longer displayed is not an error.
 window.addEventListener("unhandledrejection", (event) => {
   if (String(event.reason?.message ?? event.reason).startsWith("Resize must be passed a displayed plot")) event.preventDefault();
