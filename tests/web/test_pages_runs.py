@@ -10,7 +10,7 @@ import pytest
 from truing.recording.baseline import read_baseline
 from truing.recording.reader import read_run
 from web.browser_rig import go, live, run_to_the_end, start_run, wait
-from web.synthetic_runs import TAU_S, VERDICT, synthetic_set
+from web.synthetic_runs import BASELINE, TAU_S, VERDICT, synthetic_set
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
 
@@ -238,3 +238,75 @@ def test_the_next_experiment_is_driven_and_joins_the_set(page, rig):
     run = read_run(added)
     assert run.metadata.plan["title"] == "Tell them apart"
     assert run.columns["vel_left_mps"].max() > 0.1
+
+
+def shown(page):
+    """What the Compare page shows of a run: paths, curves, rows of the table."""
+    curves = "document.querySelector('.js-plotly-plot')?.data?.length ?? 0"
+    rows = page.get_by_role("table", name="Stopping points").locator("tbody tr").count()
+    return len(paths(page)), page.evaluate(curves), rows
+
+
+def test_a_run_that_cannot_be_shown_clears_what_was_there_and_says_why(page, rig):
+    folder = synthetic_set(rig.view.out / "broken")
+    (folder / "runs/02_straight.csv").write_text("t_s,effort_left\n0,1\n")
+    bare = [line for line in BASELINE.splitlines() if not line.startswith("wheelbase")]
+    (folder / "baseline.toml").write_text("\n".join(bare))
+    go(page, "4", "Compare")
+    choose_drawn(page, "02_straight", 0.5)
+    wait(lambda: min(shown(page)) > 0, "paths, speeds and a table")
+    choose(page, "Set", "broken")
+    choose(page, "Run", "02_straight")
+    page.get_by_text("02_straight cannot be shown").wait_for()
+    assert shown(page) == (0, 0, 0)
+    assert "column" in page.locator(".side [role=status]").first.inner_text()
+    choose(page, "Run", "01_straight")
+    wait(lambda: shown(page)[1] > 3, "speeds without a wheelbase")
+    page.get_by_text("the set's baseline has no wheelbase", exact=False).wait_for()
+    go(page, "6", "Analysis")
+    choose(page, "Set", "made")
+    wait(lambda: len(statistics(page)) > 2, "signals", 30.0)
+    choose(page, "Set", "broken")
+    choose(page, "Run", "02_straight")
+    page.get_by_text("02_straight cannot be shown").wait_for()
+    assert statistics(page) == []
+
+
+_MOVES_BETWEEN_PRESS_AND_RELEASE = """() => {
+    const room = document.createElement('div');
+    document.querySelector('.side').prepend(room);
+    window.addEventListener('pointerdown', () => { room.style.height = '120px'; }, { once: true });
+}"""
+
+
+def test_a_button_that_moves_under_the_pointer_is_pressed_all_the_same(page):
+    go(page, "5", "Error models")
+    for name in ("None", "MOM paper", "None"):
+        button = page.get_by_role("button", name=name, exact=True)
+        button.wait_for()
+        page.evaluate(_MOVES_BETWEEN_PRESS_AND_RELEASE)
+        box = button.bounding_box()
+        page.mouse.move(box["x"] + 5, box["y"] + 5)
+        page.mouse.down()
+        page.wait_for_timeout(50)
+        page.mouse.up()
+        wait(lambda button=button: button.get_attribute("aria-pressed") == "true", f"{name} pressed")
+        page.locator(".side > div").first.evaluate("e => e.remove()")
+
+
+def test_a_run_chosen_before_its_sets_list_has_come_is_the_run_of_that_name(page, rig):
+    """As on a slow link: both choices leave the page before an answer to the first one arrives."""
+    synthetic_set(rig.view.out / "twin")
+    go(page, "4", "Compare")
+    choose(page, "Set", "made")
+    choose_drawn(page, "01_straight", 0.3)
+    page.evaluate(
+        """(path) => { for (const [label, value] of [["Set", path], ["Run", "03_straight"]]) {
+            const list = document.querySelector(`select[aria-label="${label}"]`);
+            list.value = value; list.dispatchEvent(new Event("change")); } }""",
+        str((rig.view.out / "twin").resolve()),
+    )
+    wait(lambda: page.get_by_label("Set", exact=True).input_value().endswith("twin"), "the set")
+    wait(lambda: page.get_by_label("Run", exact=True).input_value() == "03_straight", "the run")
+    way = 1.3 / 1.45 * 0.6 * (5.0 - TAU_S)
+    wait(lambda: abs((end_of(page, "Real robot") or [0.0])[0] - way) < 0.01, "its path", 60.0)

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from truing.recording.baseline import read_baseline
+from truing.errors import TruingError
+from truing.recording.baseline import Baseline, WheelModel, read_baseline
 from truing.recording.run import Run
 from truing.web.models.comparison import compare
 from truing.web.models.error_model import ModelChoice
 from truing.web.path.sequence_file import plan_of
 from truing.web.path.trajectory import Cycle
 from truing.web.pose import Pose
+from truing.web.views.comparison import comparison_content
 from web.synthetic_runs import BASELINE, TAU_S, straight_run
+
+POSE_COLUMNS = ("x_m", "y_m", "theta_rad")
 
 
 def test_stopping_points_of_a_straight_line(tmp_path):
@@ -58,3 +65,29 @@ def test_an_outside_pose_is_the_real_one():
     }
     found = compare(Run("r", run.columns | truth), None, None)
     assert found.real.end.y_m == pytest.approx(0.1 * (2.5 - TAU_S * 0.5), abs=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["none", "paper", "found"])
+def test_speeds_and_residuals_need_no_wheelbase(kind):
+    made = straight_run(0.5, gain=1.3)
+    columns = {name: made.columns[name] for name in made.columns if name not in POSE_COLUMNS}
+    run = replace(made, columns=columns)
+    bare = Baseline(Path("b"), WheelModel(1.45, 0.35), WheelModel(1.45, 0.35))
+    model = ModelChoice(kind, numbers={"gain_left": 1.3, "gain_right": 1.3})
+    found = compare(run, bare, None, model)
+    content = comparison_content(found)
+    assert content["paths"] == []
+    assert any("no wheelbase" in note for note in content["notes"])
+    assert content["rms"]["simulated"] == pytest.approx(0.5 * (1.0 - 1.3 / 1.45), rel=0.25)
+    if kind == "found":
+        assert content["rms"]["modelled"] < 0.1 * content["rms"]["simulated"]
+    layout = content["figure"]["layout"]
+    assert "residual, m/s" in [layout[name]["title"]["text"] for name in layout if name.startswith("yaxis")]
+
+
+def test_a_run_without_pose_and_speeds_says_what_its_set_lacks():
+    made = straight_run()
+    kept = ("t_s", "effort_left", "effort_right")
+    run = replace(made, columns={name: made.columns[name] for name in kept})
+    with pytest.raises(TruingError, match="neither a pose nor wheel speeds"):
+        compare(run, None, None)

@@ -43,19 +43,21 @@ class Curve:
     Attributes
     ----------
     t_s : shape (n,).
-    path : x (m), y (m), theta (rad), shape (n, 3).
+    path : x (m), y (m), theta (rad), shape (n, 3); None where only the speeds are known.
     left_mps, right_mps : wheel speeds, shape (n,); None where only the path is known.
     """
 
     name: str
     t_s: FloatArray
-    path: FloatArray
+    path: FloatArray | None
     left_mps: FloatArray | None = None
     right_mps: FloatArray | None = None
 
     @property
-    def end(self) -> Pose:
+    def end(self) -> Pose | None:
         """The stopping point."""
+        if self.path is None:
+            return None
         x, y, theta = self.path[-1].tolist()
         return Pose(x, y, theta)
 
@@ -93,11 +95,11 @@ class Comparison:
             ],
             [
                 "position error (m)",
-                *(_text(None if end is None else end.distance_m(real), 4) for end in ends),
+                *(_text(None if not end or not real else end.distance_m(real), 4) for end in ends),
             ],
             [
                 "heading error (°)",
-                *(_text(None if end is None else _heading_error_deg(end, real), 3) for end in ends),
+                *(_text(None if not end or not real else _heading_error_deg(end, real), 3) for end in ends),
             ],
         ]
 
@@ -127,7 +129,7 @@ def compare(
 
     Raises
     ------
-    TruingError : the run has no pose, and no wheelbase to compute one.
+    TruingError : the run has neither a pose nor wheel speeds.
     """
     start = start or Pose()
     notes: list[str] = []
@@ -146,14 +148,16 @@ def compare(
             desired = _replay("Desired", NO_ERROR, start, cycles)
     simulated = _simulated(run, baseline, start, width)
     if simulated is None:
-        notes.append("the set has no baseline with a wheelbase: no simulation")
+        notes.append("the set has no baseline that can be simulated under this run's efforts")
+    elif simulated.path is None:
+        notes.append("the set's baseline has no wheelbase: speeds are simulated, paths are not")
     modelled = None
     if model is not None and model.kind == "paper":
         if cycles is not None:
             modelled = _replay(COLUMNS[2], model.paper, start, cycles)
-        elif simulated is not None and width:
+        elif simulated is not None and simulated.path is not None and width:
             modelled = _with_paper_errors(simulated, model.paper, start, width)
-    elif model is not None and model.kind == "found" and baseline is not None and width:
+    elif model is not None and model.kind == "found" and baseline is not None:
         t, speeds, path = _diagnosed_rollout(run, model.applied(baseline), start, set_runs, notes)
         modelled = Curve(COLUMNS[2], t, path, speeds[:, 0], speeds[:, 1])
     return Comparison(run, desired, simulated, modelled, real, tuple(notes))
@@ -161,7 +165,7 @@ def compare(
 
 def _diagnosed_rollout(
     run: Run, robot: Baseline, start: Pose, set_runs: Callable[[], Sequence[Run]], notes: list[str]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     if has_memory(robot):
         try:
             return effect_rollout(run, robot, start, set_runs())
@@ -188,10 +192,12 @@ def _real(run: Run, baseline: Baseline | None, start: Pose, width: float | None,
         elif speeds is not None and width:
             notes.append("this run has no pose: its path is integrated from the wheel speeds")
             return Curve(COLUMNS[3], run.t_s, rollout(run.t_s, *speeds, width, start), *speeds)
+        elif speeds is not None:
+            return Curve(COLUMNS[3], run.t_s, None, *speeds)
         else:
             raise TruingError(
-                f"{run.name}: it has no pose, and no wheelbase to compute one",
-                "add a baseline.toml with [robot] wheelbase_m to its set",
+                f"{run.name}: it has neither a pose nor wheel speeds",
+                "add a baseline.toml with [robot] wheel_radius_m and counts_per_rev to its set",
             )
     path = _placed(np.column_stack(pose), start)
     return Curve(COLUMNS[3], run.t_s, path, *(speeds or (None, None)))
@@ -215,7 +221,7 @@ def _speeds(run: Run, baseline: Baseline | None) -> tuple[FloatArray, FloatArray
 
 
 def _simulated(run: Run, baseline: Baseline | None, start: Pose, width: float | None) -> Curve | None:
-    if baseline is None or not width:
+    if baseline is None:
         return None
     sides = []
     for wheel in WHEELS:
@@ -227,7 +233,8 @@ def _simulated(run: Run, baseline: Baseline | None, start: Pose, width: float | 
             return None
         sides.append(np.interp(run.t_s, signal.excitation.t_s, simulate_signal(physics, signal)))
     left, right = sides
-    return Curve(COLUMNS[1], run.t_s, rollout(run.t_s, left, right, width, start), left, right)
+    path = rollout(run.t_s, left, right, width, start) if width else None
+    return Curve(COLUMNS[1], run.t_s, path, left, right)
 
 
 def _with_paper_errors(simulated: Curve, model: ErrorModel, start: Pose, width: float) -> Curve:

@@ -31,8 +31,10 @@ def has_memory(baseline: Baseline) -> bool:
 
 def effect_rollout(
     run: Run, baseline: Baseline, start: Pose, set_runs: Sequence[Run] = ()
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     """Time (n,), speeds (n, 2) in m/s and path (n, 3) in m, m, rad, from efforts alone.
+
+    Without a wheelbase there is no path.
 
     Parameters
     ----------
@@ -59,6 +61,8 @@ def effect_rollout(
         raise TruingError(f"an effect of the model has no parameter {error}") from error
     on = simulator.enabled(())
     speeds = simulator.speeds(theta, on)
+    if not baseline.wheelbase_m:
+        return data.t_s[simulator.rows], speeds, None
     forward, turn, lateral = simulator.ground(theta, on).T
     heading = start.theta_rad + np.cumsum(turn)
     middle = heading - 0.5 * turn

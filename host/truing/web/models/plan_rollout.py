@@ -61,7 +61,10 @@ def plan_rollout(cycles: Sequence[Cycle], known: Baseline, robot: Baseline, star
         unsaturated = np.abs(control) < gains
         integrals += np.where(unsaturated, _INTEGRAL * error * row_s / taus, 0.0)
         efforts[row] = np.clip(control / gains, -1.0, 1.0)
-    return effect_rollout(_run(t, efforts), robot, start)[2]
+    path = effect_rollout(_run(t, efforts), robot, start)[2]
+    if path is None:
+        raise TruingError("the model has no wheelbase", "add [robot] wheelbase_m to its baseline.toml")
+    return path
 
 
 def _commanded(cycles: Sequence[Cycle], width: float) -> tuple[FloatArray, FloatArray]:

@@ -65,6 +65,8 @@ class _AnalysisPage:
         self._busy = False
         self._again = False
         self._filling = False
+        self._shown: Path | None = None
+        self.unreadable = False
 
     # ---- elements
 
@@ -220,17 +222,35 @@ class _AnalysisPage:
 
     async def _draw(self) -> None:
         try:
-            while self._again and self.runs.run is not None:
+            while self._again:
                 self._again = False
+                run = self.runs.run
+                if run is None:
+                    self._clear("")
+                    return
+                if run != self._shown:
+                    self._clear("")
                 try:
                     found = await self.session.simulation.ask(self._request("analyse"))
                 except TruingError as error:
-                    set_text(self.status, str(error))
+                    if run == self.runs.run:
+                        self._clear(str(error))
                     continue
-                with self.client:
-                    self._show(found)
+                if run == self.runs.run:
+                    self._shown = run
+                    with self.client:
+                        self._show(found)
         finally:
             self._busy = False
+
+    def _clear(self, why: str) -> None:
+        """Show nothing of another run; say why nothing is shown."""
+        self._shown, self.signals, self.unreadable = None, None, bool(why)
+        with self.client:
+            set_text(self.status, why)
+            self._show_figure()
+            self.statistics.fill(STATISTICS_HEAD, [])
+            self.steps.fill(STEPS_HEAD, [])
 
     def _show(self, found: dict[str, Any]) -> None:
         set_text(self.status, "")
@@ -280,6 +300,8 @@ class _AnalysisPage:
             return NO_RUNS
         if self.view == "mismatch":
             return "this set has not been diagnosed yet: start a diagnosis on the right"
+        if self.unreadable:
+            return f"{self.runs.run.stem} cannot be shown"
         return "loading …" if self.signals is None else "select signals on the right"
 
     def diagnose(self) -> None:

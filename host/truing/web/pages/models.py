@@ -189,7 +189,7 @@ class _ModelsPage:
         parts = [
             f"{text} {1e3 * found['rms'][name]:.1f} mm/s"
             for name, text in (("simulated", "speed error simulated"), ("modelled", "with the model"))
-            if found["rms"][name] is not None
+            if found["rms"].get(name) is not None
         ]
         self.error._text = ", ".join(parts)
         self.error.update()

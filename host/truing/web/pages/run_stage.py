@@ -41,6 +41,7 @@ class RunStage:
         self.more: list[Path] = []
         self._requested = False
         self._busy = False
+        self._shown: Path | None = None
         self._client = context.client
 
     @property
@@ -131,13 +132,16 @@ class RunStage:
         try:
             while self._requested:
                 self._requested = False
-                if self.run is None:
-                    self.chart.update_figure(empty_figure(NO_RUNS))
+                run = self.run
+                if run is None:
+                    self._clear(NO_RUNS)
                     return
+                if run != self._shown:
+                    self._clear(f"{run.stem}: {_BUSY}")
                 start = self.session.comparison_start
                 request = {
                     "kind": "compare",
-                    "run": str(self.run),
+                    "run": str(run),
                     "more": [str(path) for path in self.more],
                     "model": self.model().to_json(),
                     "start": start.as_list(),
@@ -146,20 +150,29 @@ class RunStage:
                 try:
                     found = await self.session.simulation.ask(request)
                 except TruingError as error:
-                    self._set_status(str(error))
+                    if run == self.run:
+                        self._clear(f"{run.stem} cannot be shown", str(error))
                     continue
-                with self._client:
-                    self._show(found)
+                if run == self.run:
+                    self._shown = run
+                    with self._client:
+                        self._show(found)
                 await asyncio.sleep(0)
         finally:
             self._busy = False
 
-    def _show(self, found: dict[str, Any]) -> None:
+    def _clear(self, why: str, status: str = "") -> None:
+        """Show nothing of another run; say why nothing is shown."""
+        self._shown = None
+        with self._client:
+            self._show({"paths": [], "figure": None, "head": [], "rows": [], "notes": [], "rms": {}}, why)
+        self._set_status(status)
+
+    def _show(self, found: dict[str, Any], why_empty: str = "this run has no speeds") -> None:
         self._set_status(" ".join(f"{note}." for note in found["notes"]))
         self.top.set(paths=found["paths"])
-        self.chart.update_figure(
-            found["figure"] if found["figure"]["data"] else empty_figure("this run has no speeds")
-        )
+        figure = found["figure"]
+        self.chart.update_figure(figure if figure and figure["data"] else empty_figure(why_empty))
         self.legend.clear()
         with self.legend:
             for path in found["paths"]:

@@ -44,6 +44,7 @@ class _TrajectoryPage:
         self.start = Pose()
         self.name = "path"
         self.speed_fraction = 0.5
+        self._last_shown: tuple[Pose, tuple[Cycle, ...]] = (self.start, ())
         self.preview = RunPreview(session)
 
     # ---- elements
@@ -222,6 +223,7 @@ class _TrajectoryPage:
         """Update all texts, the table and the path."""
         self.by_keys.limits = self.session.worker.limits
         cycles = self.cycles if self.nodes else self.by_keys.cycles
+        self._forget_replay(cycles)
         limits, speed_fraction = self.by_keys.limits, self.by_keys.speed_fraction
         self.speed_fraction = speed_fraction
         set_text(
@@ -249,6 +251,16 @@ class _TrajectoryPage:
             self.top.set(
                 pose=self.start.as_list(), nodes=[[node.x_m, node.y_m, node.kind] for node in self.nodes]
             )
+
+    def _forget_replay(self, cycles: list[Cycle]) -> None:
+        """Remove the replay and the file's name of another path."""
+        shown = (self.start, tuple(cycles))
+        if shown != self._last_shown:
+            self._last_shown = shown
+            if self.top.value("paths"):
+                self.top.set(paths=[])
+            set_text(self.replayed, "")
+            set_text(self.saved, "")
 
     def choose_model(self, kind: str) -> None:
         """Select the active error model, for all pages."""

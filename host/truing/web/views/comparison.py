@@ -22,10 +22,11 @@ def comparison_content(main: Comparison, more: Sequence[Comparison] = ()) -> dic
     """Everything that a page shows, as plain lists and text."""
     paths = []
     for curve, name, (colour, dash) in zip(main.curves, COLUMNS, STYLES, strict=True):
-        if curve is not None:
+        if curve is not None and curve.path is not None:
             paths.append(_path(thinned(curve.path), name, colour, dash))
     for other, colour in zip(more, MORE_COLOURS, strict=False):
-        paths.append(_path(thinned(other.real.path), other.run.name, colour, "solid"))
+        if other.real.path is not None:
+            paths.append(_path(thinned(other.real.path), other.run.name, colour, "solid"))
     head = ["", *COLUMNS]
     rows = main.stopping_points()
     for other in more:
@@ -35,6 +36,7 @@ def comparison_content(main: Comparison, more: Sequence[Comparison] = ()) -> dic
     rows.append(["speed error, mm/s", "–", *(_rms_text(main, curve) for curve in main.curves[1:3]), "0.0"])
     rows[-1] += ["–"] * len(more)
     return {
+        "run": main.run.name,
         "paths": paths,
         "figure": _figure(main),
         "head": head,
