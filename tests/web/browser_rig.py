@@ -133,14 +133,19 @@ def run_to_the_end(page: Page, start: Callable[[], object]) -> None:
     enough for the board to be stopped; both are intended, and the run is started again.
     """
     wait(lambda: live(page, "state.driver") != "other", "free control")
-    start()
+
+    def begin() -> None:
+        before = live(page, "state.task")
+        start()
+        wait(lambda: live(page, "state.task") != before, "a run that begins after its countdown")
 
     def is_saved() -> bool:
         stage = live(page, "state.task?.stage")
         if stage == "stopped":
-            start()
-            wait(lambda: live(page, "state.task?.stage") != "stopped", "a run that was started again")
+            begin()
         return stage == "done"
+
+    begin()
 
     wait(is_saved, "finished run", 90.0)
 

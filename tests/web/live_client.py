@@ -31,23 +31,23 @@ class LiveClient:
         self._socket = self._open.enter_context(connect(f"{where}live?session={name}", max_size=None))
         self._closing = False
         self._reader = threading.Thread(target=self._read, daemon=True)
-        self._send(t="next")
+        self.send(t="next")
         self._reader.start()
 
     def claim(self) -> None:
         """Take control."""
-        self._send(t="claim")
+        self.send(t="claim")
 
     def keys(self, *held: str) -> None:
         """Held driving keys, which are a heartbeat as well."""
-        self._send(t="keys", keys=list(held))
+        self.send(t="keys", keys=list(held))
 
     def stop_s(self, limit_s: float = 10.0) -> float:
         """Press STOP; the time until the page knows that the board has stopped, s."""
         self._stop_id += 1
         self._delivered.clear()
         began = time.monotonic()
-        self._send(t="stop", id=self._stop_id)
+        self.send(t="stop", id=self._stop_id)
         if not self._delivered.wait(limit_s):
             raise TimeoutError(f"no stop was acknowledged within {limit_s:g} s: {self.state}")
         return time.monotonic() - began
@@ -66,7 +66,8 @@ class LiveClient:
         self._open.close()
         self._reader.join(5.0)
 
-    def _send(self, **message: Any) -> None:
+    def send(self, **message: Any) -> None:
+        """Send a message of a page."""
         self._socket.send(json.dumps(message))
 
     def _read(self) -> None:
@@ -82,7 +83,7 @@ class LiveClient:
                 self.state.update(frame)
                 if self.state.get("stop", {}).get("delivered", 0) >= self._stop_id:
                     self._delivered.set()
-                self._send(t="next")
+                self.send(t="next")
         except Exception:
             if not self._closing:
                 raise

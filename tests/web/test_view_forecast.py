@@ -8,9 +8,9 @@ import pytest
 
 from truing.floor import MotionModel, estimate_floor, planned_path
 from truing.plan import Kind, Plan, Segment
-from truing.web.models.run_forecast import BODY_M, first_obstacle, forecast
+from truing.web.models.run_forecast import first_obstacle, forecast
 from truing.web.pose import Pose
-from truing.web.world.world_map import WorldMap
+from truing.web.world.world_map import BODY_M, WorldMap
 
 
 def plan(*segments: tuple[float, float, float], kind: Kind = Kind.TWIST) -> Plan:

@@ -61,7 +61,7 @@ class ViewSession:
             self._connect,
             _START,
             source=lambda device: open_source(device, options.rate_hz),
-            each_step=self.lock.expire,
+            each_step=self._each_step,
         )
         self.world = _default_world()
         self.sensing = Sensing(self.world, self.poses)
@@ -70,6 +70,7 @@ class ViewSession:
         self._keys_blocked = False
         self._latched_stop = 0
         self.stops = 0
+        self._walls: tuple[int, Pose | None] | None = None
         self.start_pose = _START
         self.truth_base: Pose | None = None
         self.model = load_model(self.model_file) or ModelChoice()
@@ -181,11 +182,26 @@ class ViewSession:
         """
         if not self.claim(session):
             raise TruingError("another page drives this robot", "wait until it releases control")
+        if self.virtual is not None:
+            # In the run's metadata it says that the run is a virtual robot's, and which.
+            request = replace(request, seed=self.options.virtual.seed)
         self.worker.run_plan(request)
         self._latched_stop = 0
 
     def _driver_released(self, _session: str) -> None:
         self.worker.stop("stopped: the driving page released control, was closed, or timed out")
+
+    def _each_step(self) -> None:
+        """In the board's thread, many times a second."""
+        self.lock.expire()
+        if self.virtual is None or self.virtual.truth is None:
+            return
+        self.corrected_pose()  # determines where the robot's own coordinates begin
+        known = (self.world.version, self.truth_base)
+        if known != self._walls and self.truth_base is not None:
+            with self.sensing.world_lock:
+                self.virtual.set_walls(self.world, self.truth_base)
+            self._walls = known
 
     # ---- models
 

@@ -57,7 +57,7 @@ class FrameMaker:
         session = self._session
         snapshot, driver = session.worker.snapshot, session.lock.session
         return {
-            "link": _link(snapshot),
+            "link": _link(snapshot) | {"virtual": session.virtual is not None},
             "board": _board(snapshot.status),
             "task": _task(snapshot.task),
             "driver": "none" if driver is None else "you" if driver == self._name else "other",

@@ -78,6 +78,13 @@ class Comparison:
     notes: tuple[str, ...] = ()
 
     @property
+    def titles(self) -> tuple[str, ...]:
+        """Of the columns: a run of a virtual board, whose metadata has its seed, is no real robot's."""
+        metadata = self.run.metadata
+        virtual = metadata is not None and metadata.seed is not None
+        return (*COLUMNS[:3], "Virtual robot" if virtual else COLUMNS[3])
+
+    @property
     def curves(self) -> tuple[Curve | None, Curve | None, Curve | None, Curve]:
         """In the order of `COLUMNS`."""
         return self.desired, self.simulated, self.modelled, self.real

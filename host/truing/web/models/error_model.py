@@ -100,6 +100,12 @@ class ModelChoice:
         return cls(**{**content, "paper": ErrorModel(**content["paper"])})
 
 
+def offered_kinds(model: ModelChoice) -> dict[str, str]:
+    """Value and text of the error models that can be chosen: a diagnosed one where there was a diagnosis."""
+    diagnosed = bool(model.effects or model.numbers)
+    return {str(kind): text for kind, text in KINDS.items() if kind != "found" or diagnosed}
+
+
 def paper_sliders(model: ErrorModel) -> list[Slider]:
     """The paper's four constants; the interval is from its printed value to the one that Table 2 implies."""
     implied = fit_line(REAL)

@@ -8,16 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from truing.arrays import BoolArray, FloatArray
+from truing.arrays import FloatArray
 from truing.board.run_saver import motion_model
 from truing.board.state import Parameter
 from truing.floor import FloorNeed, estimate_floor, planned_path
 from truing.plan import Plan
 from truing.web.pose import Pose
-from truing.web.world.world_map import WorldMap
+from truing.web.world.world_map import BODY_M, WorldMap
 
-# Radius of the robot's body as the pages draw it.
-BODY_M = 0.17
 _SPACING_M = 0.02
 
 
@@ -63,7 +61,7 @@ def forecast(plan: Plan, parameters: Mapping[str, Parameter], start: Pose, world
 
 def first_obstacle(world: WorldMap, path: FloatArray) -> tuple[float, float] | None:
     """The first point of a path at which the robot's body overlaps an occupied cell, x and y (m)."""
-    blocked = _widened(world.occupied, BODY_M / world.resolution_m)
+    blocked = world.widened(BODY_M)
     cells = np.floor((path[:, :2] - np.array(world.origin_m)) / world.resolution_m).astype(int)
     rows, columns = world.occupied.shape
     inside = (cells >= 0).all(axis=1) & (cells[:, 0] < columns) & (cells[:, 1] < rows)
@@ -73,19 +71,6 @@ def first_obstacle(world: WorldMap, path: FloatArray) -> tuple[float, float] | N
         return None
     x, y, _ = path[int(hit.argmax())].tolist()
     return x, y
-
-
-def _widened(occupied: BoolArray, radius_cells: float) -> BoolArray:
-    """Cells whose centre is closer than a radius to the centre of an occupied cell."""
-    reach = math.floor(radius_cells)
-    padded = np.pad(occupied, reach)
-    found = np.zeros_like(occupied)
-    rows, columns = occupied.shape
-    for down in range(-reach, reach + 1):
-        for right in range(-reach, reach + 1):
-            if math.hypot(down, right) <= radius_cells:
-                found |= padded[reach + down : reach + down + rows, reach + right : reach + right + columns]
-    return found
 
 
 def _thinned(path: FloatArray) -> FloatArray:

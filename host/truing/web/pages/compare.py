@@ -7,7 +7,7 @@ from pathlib import Path
 
 from nicegui import events
 
-from truing.web.models.error_model import KINDS, Kind
+from truing.web.models.error_model import KINDS, Kind, offered_kinds
 from truing.web.pages.components import DropZone
 from truing.web.pages.elements import Choice, button, heading, notify, number, tag
 from truing.web.pages.run_stage import RunStage
@@ -46,8 +46,12 @@ class _ComparePage:
                     zone.on("dropped", self.dropped)
                 with tag("div"):
                     heading("Error model")
-                    kinds = {str(kind): text for kind, text in KINDS.items()}
-                    Choice("Error model", kinds, self.session.model.kind, self.choose_model)
+                    Choice(
+                        "Error model",
+                        offered_kinds(self.session.model),
+                        self.session.model.kind,
+                        self.choose_model,
+                    )
                     self.source = tag("p", self.session.model.source, "dim note", style="margin:4px 0 0")
                 with tag("div"):
                     self.stage.table()
@@ -78,8 +82,6 @@ class _ComparePage:
 
     def choose_model(self, kind: str) -> None:
         """Select the error model."""
-        if kind == "found" and not self.session.model.effects and not self.session.model.numbers:
-            notify("no diagnosed model yet: choose a diagnosis under Error models", good=False)
         known: dict[str, Kind] = {str(kind): kind for kind in KINDS}
         self.session.set_model(kind=known[kind])
         self.stage.draw()

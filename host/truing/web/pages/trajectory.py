@@ -8,7 +8,7 @@ from nicegui import events, ui
 
 from truing.errors import TruingError
 from truing.plan import Plan
-from truing.web.models.error_model import KINDS, Kind
+from truing.web.models.error_model import KINDS, Kind, offered_kinds
 from truing.web.models.error_replay import replay_cycles
 from truing.web.models.known_robot import known_robot
 from truing.web.pages.components import ModelKeys, TopView
@@ -111,8 +111,12 @@ class _TrajectoryPage:
         with tag("div"):
             heading("Simulated replay")
             with tag("div", classes="row-tight"):
-                texts = {str(kind): text for kind, text in KINDS.items()}
-                Choice("Error model of the replay", texts, self.session.model.kind, self.choose_model)
+                Choice(
+                    "Error model of the replay",
+                    offered_kinds(self.session.model),
+                    self.session.model.kind,
+                    self.choose_model,
+                )
                 button("Replay", self.replay)
             self.replayed = tag("p", classes="note num", role="status", style="margin:4px 0 0")
 
@@ -264,9 +268,6 @@ class _TrajectoryPage:
 
     def choose_model(self, kind: str) -> None:
         """Select the active error model, for all pages."""
-        model = self.session.model
-        if kind == "found" and not model.effects and not model.numbers:
-            notify("no diagnosed model yet: choose a diagnosis under Error models and save it", good=False)
         self.session.set_model(kind=_KINDS[kind])
         self.top.set(paths=[])
         set_text(self.replayed, "")

@@ -9,9 +9,13 @@ import sys
 import threading
 from typing import Any
 
+import orjson
+
 from truing.errors import VirtualBoardError
 from truing.virtual.options import VirtualOptions
 from truing.web.pose import Pose
+from truing.web.process.walls import walls_json
+from truing.web.world.world_map import WorldMap
 
 _START_S = 30.0
 
@@ -27,7 +31,7 @@ class VirtualBoardProcess:
         }
         self._process = subprocess.Popen(
             [sys.executable, "-m", "truing.web.process.virtual_board_main", json.dumps(content)],
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             # Ctrl-C in the terminal must reach only the view, which stops the robot first.
             start_new_session=True,
@@ -46,9 +50,22 @@ class VirtualBoardProcess:
         """The robot's true pose, from (0, 0, 0) at power-up."""
         return self._truth
 
+    def set_walls(self, world: WorldMap, base: Pose) -> None:
+        """Give the robot walls; `base` is where its own coordinates begin in the world.
+
+        From one thread only.
+        """
+        assert self._process.stdin is not None
+        with contextlib.suppress(OSError, ValueError):  # it has ended, which its link tells
+            self._process.stdin.write(orjson.dumps(walls_json(world, base)) + b"\n")
+            self._process.stdin.flush()
+
     def close(self) -> None:
         """End the board."""
         self._process.terminate()
+        if self._process.stdin is not None:
+            with contextlib.suppress(OSError):
+                self._process.stdin.close()
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(5.0)
         if self._process.stdout is not None:

@@ -1,7 +1,8 @@
 """Process that runs a virtual board in real time and writes the robot's true pose to standard output.
 
 In a process of its own the emulated CPU neither delays the pages nor waits for them. The true pose takes the
-place of an external tracking camera: simulated sensors measure from there.
+place of an external tracking camera: simulated sensors measure from there. Standard input brings the walls of
+the world, with which the robot collides.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import threading
 from pathlib import Path
 
 from hil_sim import VirtualRobot
@@ -16,6 +18,9 @@ from hil_sim.serve import ServeOptions, Server
 from truing.errors import TruingError
 from truing.virtual.board import make_virtual_robot
 from truing.virtual.options import VirtualOptions
+from truing.web.pose import Pose
+from truing.web.process.walls import Collisions, Walls
+from truing.web.world.world_map import BODY_M
 
 _TRUTH_EVERY_US = 20_000
 
@@ -47,8 +52,13 @@ class _TruthPublisher:
         self._robot = robot
         self._parent = os.getppid()
         self._due_us = 0
+        self._collisions = Collisions(robot)
+        threading.Thread(target=self._read_walls, name="walls", daemon=True).start()
 
     def __call__(self) -> bool:
+        if self._collisions.walls is not None:
+            truth = self._robot.truth()
+            self._collisions.step(self._robot.time_us, Pose(truth.x_m, truth.y_m, truth.theta_rad))
         if self._robot.time_us < self._due_us:
             return False
         self._due_us = self._robot.time_us + _TRUTH_EVERY_US
@@ -60,6 +70,11 @@ class _TruthPublisher:
         except OSError:
             return True
         return os.getppid() != self._parent
+
+    def _read_walls(self) -> None:
+        """The world from standard input, a line of JSON for each state of it."""
+        for line in sys.stdin.buffer:
+            self._collisions.walls = Walls.of_json(json.loads(line), BODY_M)
 
 
 def _write_line(content: dict[str, object]) -> None:

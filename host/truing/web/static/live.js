@@ -150,10 +150,10 @@ class Live {
 
   _showLink(link) {
     document.body.dataset.link = link.state;
-    this._write("link", link.state);
+    this._write("link", link.virtual ? `virtual robot ${link.state}` : link.state);
     this._write("link-message", link.message);
     this._write("link-next", link.next ? "Next: " + link.next : "");
-    this._write("board-name", link.board || "no board");
+    this._write("board-name", link.board ? (link.virtual ? "virtual " : "") + link.board : "no board");
     this._write("source-rate", link.rate_hz ? link.rate_hz.toFixed(0) + " Hz" : "–");
   }
 

@@ -21,13 +21,13 @@ _CANVAS_DASH = {"solid": [], "dash": [8, 5], "dot": [3, 4]}
 def comparison_content(main: Comparison, more: Sequence[Comparison] = ()) -> dict[str, Any]:
     """Everything that a page shows, as plain lists and text."""
     paths = []
-    for curve, name, (colour, dash) in zip(main.curves, COLUMNS, STYLES, strict=True):
+    for curve, name, (colour, dash) in zip(main.curves, main.titles, STYLES, strict=True):
         if curve is not None and curve.path is not None:
             paths.append(_path(thinned(curve.path), name, colour, dash))
     for other, colour in zip(more, MORE_COLOURS, strict=False):
         if other.real.path is not None:
             paths.append(_path(thinned(other.real.path), other.run.name, colour, "solid"))
-    head = ["", *COLUMNS]
+    head = ["", *main.titles]
     rows = main.stopping_points()
     for other in more:
         head.append(other.run.name)
@@ -72,7 +72,7 @@ def _figure(main: Comparison) -> dict[str, Any]:
     parts = []
     for wheel in WHEELS:
         lines = []
-        for curve, name, (colour, dash) in zip(main.curves, COLUMNS, STYLES, strict=True):
+        for curve, name, (colour, dash) in zip(main.curves, main.titles, STYLES, strict=True):
             speed = None if curve is None else curve.speed(wheel)
             if curve is not None and speed is not None:
                 lines.append(Line(name, curve.t_s, speed, colour, dash))

@@ -14,6 +14,9 @@ from truing.errors import TruingError
 # 100 m by 100 m at 5 cm: still drawn by a page, and an image of a few kilobytes.
 MAX_CELLS = 4_000_000
 
+# Radius of the robot's body as the pages draw it.
+BODY_M = 0.17
+
 
 @dataclass
 class WorldMap:
@@ -84,6 +87,20 @@ class WorldMap:
         self.occupied = other.occupied
         self.resolution_m, self.origin_m = other.resolution_m, other.origin_m
         self.version += 1
+
+    def widened(self, radius_m: float) -> BoolArray:
+        """Cells whose centre is closer than a radius to the centre of an occupied one."""
+        radius = radius_m / self.resolution_m
+        reach = math.floor(radius)
+        padded = np.pad(self.occupied, reach)
+        found = np.zeros_like(self.occupied)
+        rows, columns = found.shape
+        for down in range(-reach, reach + 1):
+            for right in range(-reach, reach + 1):
+                if math.hypot(down, right) <= radius:
+                    top, left = reach + down, reach + right
+                    found |= padded[top : top + rows, left : left + columns]
+        return found
 
     def rectangles(self) -> list[tuple[float, float, float, float]]:
         """Occupied cells as few axis-aligned boxes: x, y of the centre, width and height, m.
