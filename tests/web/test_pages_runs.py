@@ -7,9 +7,10 @@ import math
 
 import pytest
 
+from support.foreign_files import write_sysid
 from truing.recording.baseline import read_baseline
 from truing.recording.reader import read_run
-from web.browser_rig import go, live, run_to_the_end, start_run, wait
+from web.browser_rig import accessibility_violations, go, live, run_to_the_end, start_run, wait
 from web.synthetic_runs import BASELINE, TAU_S, VERDICT, synthetic_set
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
@@ -78,8 +79,8 @@ def test_runs_from_disk_are_dropped_in(page, rig, runs):
     zone = page.locator(".drop-zone input")
     zone.wait_for(state="attached")
     zone.set_input_files([runs / "baseline.toml", runs / "runs/03_straight.csv"])
-    wait(lambda: (rig.view.out / "dropped/runs/03_straight.csv").exists(), "the dropped run")
-    wait(lambda: page.get_by_label("Set", exact=True).input_value().endswith("dropped"), "its set")
+    wait(lambda: (rig.view.out / "dropped/03_straight/runs/03_straight.csv").exists(), "the dropped run")
+    wait(lambda: page.get_by_label("Set", exact=True).input_value().endswith("03_straight"), "its set")
     wait(lambda: end_of(page, "Simulated"), "its simulation")
     zone.set_input_files({"name": "bad.csv", "mimeType": "text/csv", "buffer": b"no run"})
     page.get_by_text("bad.csv", exact=False).first.wait_for()
@@ -310,3 +311,29 @@ def test_a_run_chosen_before_its_sets_list_has_come_is_the_run_of_that_name(page
     wait(lambda: page.get_by_label("Run", exact=True).input_value() == "03_straight", "the run")
     way = 1.3 / 1.45 * 0.6 * (5.0 - TAU_S)
     wait(lambda: abs((end_of(page, "Real robot") or [0.0])[0] - way) < 0.01, "its path", 60.0)
+
+
+def test_a_dropped_table_is_asked_about_and_a_sysid_file_is_a_set_of_its_own(page, rig, tmp_path):
+    go(page, "4", "Compare")
+    zone = page.locator(".drop-zone input")
+    zone.wait_for(state="attached")
+    rows = [f"{0.05 * k:.2f},{0.2 + 0.01 * (k % 7)},0.2,{0.01 * k:.3f},{0.01 * k:.3f}" for k in range(60)]
+    table = tmp_path / "bench.csv"
+    table.write_text("\n".join(["time,pwmL,pwmR,speedL,speedR", *rows]))
+    zone.set_input_files(table)
+    box = page.get_by_role("dialog", name="Import")
+    box.get_by_text("The columns are taken so").wait_for()
+    assert "speedL" in box.get_by_role("table").inner_text()
+    assert not accessibility_violations(page)
+    box.get_by_label("Mapping").fill(
+        '[columns]\nt_s = "time"\neffort_left = "pwmL"\neffort_right = "pwmR"\n'
+        'vel_left_mps = "speedL"\nvel_right_mps = "speedR"\n'
+    )
+    box.get_by_role("button", name="Import", exact=True).click()
+    wait(
+        lambda: page.get_by_label("Set", exact=True).input_value().endswith("dropped/bench"), "its set", 60.0
+    )
+    assert (rig.view.out / "dropped/bench/mapping.toml").is_file()
+    zone.set_input_files(write_sysid(tmp_path / "lift.json"))
+    wait(lambda: page.get_by_label("Set", exact=True).input_value().endswith("dropped/lift"), "its set", 60.0)
+    assert len(list((rig.view.out / "dropped/lift/runs").glob("*.csv"))) == 4

@@ -12,30 +12,36 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from support.foreign_files import write_sysid
 from truing.errors import FileError
 from truing.recording.baseline import read_baseline
+from truing.recording.reader import read_run
 from truing.web.models.error_model import read_verdict
 from truing.web.process.helper import HelperProcess
 from truing.web.process.run_cache import RunCache
-from truing.web.runs.arrivals import store
+from truing.web.runs.arrivals import Wishes, store
 from truing.web.runs.dropped_files import MAX_BYTES
 from web.synthetic_runs import BASELINE, VERDICT, synthetic_set
 from web.upload_load import HEADER, ROW, measure, post
 from web.view_process import ViewProcess
 
 
-def stored(tmp_path, name: str, data: bytes):
-    part = tmp_path / "part"
+def stored(tmp_path, name: str, data: bytes, wishes: Wishes | None = None):
+    part = tmp_path / "arriving" / Path(name).name
+    part.parent.mkdir(exist_ok=True)
     part.write_bytes(data)
-    return store(name, part, tmp_path / "dropped", tmp_path / "diagnoses")
+    return store(name, part, tmp_path / "dropped", tmp_path / "diagnoses", wishes)
 
 
 def test_dropped_files_are_kept_by_what_they_are(tmp_path):
     data = (synthetic_set(tmp_path / "made") / "runs/01_straight.csv").read_bytes()
     dropped, diagnoses = tmp_path / "dropped", tmp_path / "diagnoses"
-    kept = dropped / "runs/01_straight.csv"
+    kept = dropped / "01_straight/runs/01_straight.csv"
     assert stored(tmp_path, "../../01_straight.csv", data)["path"] == str(kept)
-    assert stored(tmp_path, "baseline.toml", BASELINE.encode())["kind"] == "baseline"
+    own = Wishes("01_straight")
+    assert stored(tmp_path, "baseline.toml", BASELINE.encode(), own)["kind"] == "baseline"
+    assert stored(tmp_path, "02.csv", data, own)["path"] == str(kept.with_name("02.csv"))
+    assert stored(tmp_path, "01_straight.csv", data)["set"] == "01_straight-2"
     assert stored(tmp_path, "v.json", json.dumps(VERDICT).encode())["kind"] == "diagnosis"
     assert read_verdict(diagnoses / "v.json")["name"] == "made"
     assert "error" in stored(tmp_path, "01_straight.csv", b"not a run")
@@ -43,7 +49,7 @@ def test_dropped_files_are_kept_by_what_they_are(tmp_path):
     assert "error" in stored(tmp_path, "y.json", b'{"verdict": 1}')
     assert not (diagnoses / "y.json").exists()
     assert "error" in stored(tmp_path, "x.toml", b"= =")
-    assert read_baseline(dropped / "baseline.toml").left.gain_mps == 1.45
+    assert read_baseline(dropped / "01_straight/baseline.toml").left.gain_mps == 1.45
     with pytest.raises(FileError):
         read_verdict(tmp_path / "nowhere.json")
 
@@ -66,7 +72,60 @@ def test_a_hostile_file_is_refused_in_one_line_that_names_it(tmp_path, name, dat
     assert error.startswith("x.")
     assert "\n" not in error
     assert len(error) < 300
-    assert "part" not in error.split(":")[0]
+    assert "arriving" not in error
+
+
+TABLE = "\n".join(
+    ["time,pwmL,pwmR,speedL,speedR"]
+    + [
+        f"{0.05 * k:.2f},{60 + k % 7},{60 + k % 5},{0.2 + 0.001 * k:.4f},{0.2 + 0.001 * k:.4f}"
+        for k in range(60)
+    ]
+)
+
+
+def test_a_table_of_another_program_is_asked_about_once(tmp_path):
+    asked = stored(tmp_path, "bench.csv", TABLE.encode())
+    assert asked["ask"] == "mapping"
+    assert [column[0] for column in asked["columns"]] == ["time", "pwmL", "pwmR", "speedL", "speedR"]
+    assert not (tmp_path / "dropped").exists()
+    mapping = """
+[columns]
+t_s = "time"
+effort_left = { expression = "pwmL / 255" }
+effort_right = { expression = "pwmR / 255" }
+vel_left_mps = "speedL"
+vel_right_mps = "speedR"
+"""
+    found = stored(tmp_path, "bench.csv", TABLE.encode(), Wishes(mapping=mapping))
+    assert found["set"] == "bench"
+    run = read_run(found["path"])
+    assert run.columns["effort_left"][0] == pytest.approx(60 / 255)
+    # The next table of the same set needs no question.
+    assert stored(tmp_path, "bench2.csv", TABLE.encode(), Wishes("bench"))["kind"] == "run"
+    assert len(list((tmp_path / "dropped/bench/runs").glob("*.csv"))) == 2
+    wrong = stored(tmp_path, "bench.csv", TABLE.encode(), Wishes(mapping="[columns\n"))
+    assert "not TOML" in wrong["error"]
+
+
+def test_a_file_of_a_known_program_is_imported_as_on_the_command_line(tmp_path):
+    sysid = write_sysid(tmp_path / "drive.json").read_bytes()
+    found = stored(tmp_path, "drive sysid.json", sysid)
+    assert found["set"] == "drive_sysid"
+    assert found["runs"] == 4
+    assert abs(read_run(found["path"]).columns["effort_left"]).max() > 0.1
+    assert found["findings"]
+
+
+def test_what_a_page_says_of_a_file_is_taken_by_name_and_in_reason():
+    query = {
+        "set": "../../x",
+        "wheelbase_m": "0.3",
+        "metres_per_unit": "-1",
+        "full_speed_mps": "a",
+        "name": "n",
+    }
+    assert Wishes.of_query(query) == Wishes("x", "", (("wheelbase_m", 0.3),))
 
 
 def test_runs_that_were_read_are_forgotten_once_they_take_too_much_memory(tmp_path):
@@ -84,7 +143,7 @@ def test_a_helper_that_has_needed_much_memory_ends_once_nobody_asks_it(tmp_path,
     monkeypatch.setattr("truing.web.process.helper._LARGE_MB", 1.0)
     monkeypatch.setattr("truing.web.process.helper._IDLE_S", 0.2)
     helper = HelperProcess("truing.web.process.arrival_main")
-    request = {"name": "x.csv", "part": "x", "dropped": "d", "diagnoses": "d"}
+    request = {"name": "x.csv", "part": "x", "dropped": "d", "diagnoses": "d", "query": {}}
     with pytest.raises(Exception, match=r"x\.csv|no such file"):
         asyncio.run(helper.ask(request))
     until = time.monotonic() + 20.0
@@ -126,7 +185,7 @@ def test_an_upload_that_breaks_off_leaves_nothing_and_the_next_one_is_taken(view
             raw.sendall(b"t_s,effort_left\n" * 10_000)
     run = synthetic_set(tmp_path) / "runs/02_straight.csv"
     assert post(view.address, run, run.name)["kind"] == "run"
-    assert (view.out / "dropped/runs/02_straight.csv").read_bytes() == run.read_bytes()
+    assert (view.out / "dropped/02_straight/runs/02_straight.csv").read_bytes() == run.read_bytes()
     assert not list((view.out / "dropped/.incoming").iterdir())
     connection = HTTPConnection(urlsplit(view.address).netloc, timeout=30)
     connection.request("POST", "/dropped?name=deep.json", b"[" * 300_000)

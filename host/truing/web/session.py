@@ -250,14 +250,16 @@ class ViewSession:
         """Folder for files dropped onto a page."""
         return out_folder() / "dropped"
 
-    async def take_file(self, name: str, part: Path) -> dict[str, Any]:
-        """Check a file dropped onto a page and put it where it belongs; its path, or the error.
+    async def take_file(self, query: dict[str, str], part: Path) -> dict[str, Any]:
+        """Check a file dropped onto a page and put it where it belongs; its path, a question, or the error.
 
         In a process that ends afterwards: reading a long recording takes much memory for a moment.
         """
         helper = HelperProcess("truing.web.process.arrival_main")
+        name = query.get("name", "")
         request = {
             "name": name,
+            "query": query,
             "part": str(part),
             "dropped": str(self.dropped_folder),
             "diagnoses": str(self.diagnosis_folder),

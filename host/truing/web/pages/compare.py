@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
-
-from nicegui import events
 
 from truing.web.models.error_model import KINDS, Kind, offered_kinds
-from truing.web.pages.components import DropZone
-from truing.web.pages.elements import Choice, button, heading, notify, number, tag
+from truing.web.pages.drop_dialogue import RunDrop
+from truing.web.pages.elements import Choice, button, heading, number, tag
 from truing.web.pages.run_stage import RunStage
 from truing.web.pose import Pose
-from truing.web.runs.dropped_files import ADDRESS, MAX_BYTES
 from truing.web.session import ViewSession
 
 
@@ -37,13 +33,7 @@ class _ComparePage:
                     heading("Run")
                     self.stage.choice()
                     self.stage.other_runs()
-                    zone = DropZone(
-                        "Drop runs here (CSV, JSON, baseline.toml), or choose files",
-                        ".csv,.json,.toml",
-                        ADDRESS,
-                        MAX_BYTES,
-                    )
-                    zone.on("dropped", self.dropped)
+                    RunDrop(self.stage.find)
                 with tag("div"):
                     heading("Error model")
                     Choice(
@@ -85,15 +75,3 @@ class _ComparePage:
         known: dict[str, Kind] = {str(kind): kind for kind in KINDS}
         self.session.set_model(kind=known[kind])
         self.stage.draw()
-
-    def dropped(self, event: events.GenericEventArguments) -> None:
-        """Report the result of each dropped file, and show the last run among them."""
-        last = None
-        for one in event.args if isinstance(event.args, list) else []:
-            if "error" in one:
-                notify(str(one["error"]), good=False)
-            elif one.get("kind") == "run":
-                last = Path(str(one["path"]))
-            elif one.get("kind") == "diagnosis":
-                notify("diagnosis added: see Error models")
-        self.stage.find(last)

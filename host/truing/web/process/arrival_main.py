@@ -15,10 +15,11 @@ _NICENESS = 10
 
 
 def answer(request: dict[str, Any]) -> dict[str, Any]:
-    """Needs `name`, `part` (the file), and the folders `dropped` and `diagnoses`."""
-    from truing.web.runs.arrivals import store
+    """Needs `name`, `part` (the file), the folders `dropped` and `diagnoses`, and the upload's `query`."""
+    from truing.web.runs.arrivals import Wishes, store
 
-    return store(request["name"], *(Path(request[key]) for key in ("part", "dropped", "diagnoses")))
+    part, dropped, diagnoses = (Path(request[key]) for key in ("part", "dropped", "diagnoses"))
+    return store(request["name"], part, dropped, diagnoses, Wishes.of_query(request["query"]))
 
 
 def main() -> int:

@@ -3,46 +3,99 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from truing.errors import TruingError
 from truing.recording.baseline import read_baseline
-from truing.recording.reader import read_run
+from truing.recording.reader import METADATA_SUFFIX, read_run
 from truing.web.models.error_model import read_verdict
 from truing.web.runs.library import safe_name
 
+if TYPE_CHECKING:
+    from truing.importers import ImportOptions
+
 # A baseline or a diagnosis is a few kilobytes, a run's metadata a few hundred at most.
 _MAX_TEXT_BYTES = 8_000_000
+_MAX_FINDINGS = 6
+NUMBERS = {
+    "wheelbase_m": "wheelbase, m",
+    "metres_per_unit": "wheel travel per unit of position, m",
+    "full_speed_mps": "wheel speed of full effort, m/s",
+    "nominal_voltage_v": "voltage of full effort, V",
+}
+"""What a file of another program may leave open, as `ImportOptions` names it, and its label."""
 
 
-def store(name: str, part: Path, dropped: Path, diagnoses: Path) -> dict[str, Any]:
-    """Move a file to where its content belongs; returns its path, or the error in one line.
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What a page says of a file beside its name.
+
+    Attributes
+    ----------
+    home : the set that the file belongs to; empty: a new one of the file's own name.
+    mapping : which column of a table is which, as TOML; empty: not known.
+    numbers : values of `NUMBERS` that the user gave.
+    """
+
+    home: str = ""
+    mapping: str = ""
+    numbers: tuple[tuple[str, float], ...] = ()
+
+    @classmethod
+    def of_query(cls, query: dict[str, Any]) -> Wishes:
+        """From the parameters of an upload's address; what is no number is not taken."""
+        numbers = []
+        for name in NUMBERS:
+            try:
+                value = float(query.get(name, ""))
+            except ValueError:
+                continue
+            if 0.0 < value < 1e6:
+                numbers.append((name, value))
+        return cls(safe_name(str(query.get("set", ""))), str(query.get("mapping", "")), tuple(numbers))
+
+    def options(self, folder: Path) -> ImportOptions:
+        """For the importers; a mapping in the set's folder holds for all its tables."""
+        from truing.importers import ImportOptions
+        from truing.importers.foreign import NOMINAL_VOLTAGE_V
+        from truing.importers.mapping import parse_mapping
+
+        path = folder / "mapping.toml"
+        text = self.mapping or (path.read_text("utf-8") if path.is_file() else "")
+        try:
+            mapping = parse_mapping(tomllib.loads(text), path) if text else None
+        except tomllib.TOMLDecodeError as error:
+            raise TruingError(f"the mapping is not TOML: {error}") from error
+        given = dict(self.numbers)
+        return ImportOptions(
+            given.get("nominal_voltage_v", NOMINAL_VOLTAGE_V),
+            given.get("metres_per_unit"),
+            given.get("wheelbase_m"),
+            given.get("full_speed_mps"),
+            mapping,
+        )
+
+
+def store(
+    name: str, part: Path, dropped: Path, diagnoses: Path, wishes: Wishes | None = None
+) -> dict[str, Any]:
+    """Put a file where its content belongs; returns what became of it, a question, or the error in one line.
 
     Parameters
     ----------
     name : as the user knows the file.
     part : the file itself.
+
+    Returns
+    -------
+    `kind` with `path` and `set`; or `ask` (`mapping` or `numbers`) with what is known; or `error`.
     """
     try:
-        if name.endswith(".toml"):
-            target = dropped / "baseline.toml"
-            _checked(part, read_baseline)
-            kind = "baseline"
-        elif name.endswith(".json"):
-            if _is_verdict(part):
-                target, kind = diagnoses / safe_name(name), "diagnosis"
-                _checked(part, read_verdict)
-            else:
-                target, kind = dropped / "runs" / safe_name(name), "metadata"
-        else:
-            safe = safe_name(name) or "run.csv"
-            target = dropped / "runs" / (safe if safe.endswith(".csv") else f"{safe}.csv")
-            kind = "run"
-            read_run(part)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        part.replace(target)
+        return _stored(name, part, dropped, diagnoses, wishes or Wishes())
     except TruingError as error:
         text = f"{error.message}. {error.next_step}".rstrip(". ").replace(str(part), name)
         return {"error": f"{text}."}
@@ -50,7 +103,109 @@ def store(name: str, part: Path, dropped: Path, diagnoses: Path) -> dict[str, An
         return {"error": f"{name}: reading it takes more memory than there is. Split it."}
     except OSError as error:
         return {"error": f"{name}: {error.strerror or error}"}
-    return {"path": str(target), "kind": kind}
+
+
+def _stored(name: str, part: Path, dropped: Path, diagnoses: Path, wishes: Wishes) -> dict[str, Any]:
+    from truing.importers import is_foreign
+
+    if name.endswith(".toml"):
+        _checked(part, read_baseline)
+        folder = dropped / (wishes.home or "baseline")
+        return _moved(part, folder / "baseline.toml", "baseline", folder)
+    if name.endswith(METADATA_SUFFIX):
+        _json(part)
+        folder = dropped / (wishes.home or "runs")
+        return _moved(part, folder / "runs" / safe_name(name), "metadata", folder)
+    if name.endswith(".json"):
+        content = _json(part) if part.stat().st_size <= _MAX_TEXT_BYTES else None
+        if isinstance(content, dict) and "verdict" in content:
+            read_verdict(part)
+            return _moved(part, diagnoses / safe_name(name), "diagnosis", diagnoses)
+    folder = dropped / wishes.home if wishes.home else _new_folder(dropped, name)
+    if is_foreign(part):
+        return _imported(name, part, folder, wishes)
+    read_run(part)
+    safe = safe_name(name) or "run.csv"
+    return _moved(part, folder / "runs" / (safe if safe.endswith(".csv") else f"{safe}.csv"), "run", folder)
+
+
+def _imported(name: str, part: Path, folder: Path, wishes: Wishes) -> dict[str, Any]:
+    """A file of another program, by the importers of `truing import`."""
+    from truing.importers import import_file, without_mapping
+    from truing.recording.writer import next_run_path, replace_file, write_run
+
+    options = wishes.options(folder)
+    if without_mapping([part], options):
+        return _proposal(name, part, wishes)
+    try:
+        found = import_file(part, options)
+    except TruingError as error:
+        if "--wheelbase" in error.next_step and not dict(wishes.numbers).get("wheelbase_m"):
+            why = error.message.replace(str(part), name)
+            return {
+                "ask": "numbers",
+                "name": name,
+                "numbers": {"wheelbase_m": NUMBERS["wheelbase_m"]},
+                "why": why,
+            }
+        raise
+    path = folder
+    for run in found.runs:
+        path = write_run(run, next_run_path(folder, run.name.split("_", 1)[-1]))
+    if wishes.mapping:
+        replace_file(folder / "mapping.toml", wishes.mapping.encode("utf-8"))
+    findings = [str(finding).replace(str(part), name) for finding in found.findings]
+    return {
+        "kind": "run",
+        "path": str(path),
+        "set": folder.name,
+        "runs": len(found.runs),
+        "form": found.kind,
+        "findings": findings[:_MAX_FINDINGS],
+    }
+
+
+def _proposal(name: str, part: Path, wishes: Wishes) -> dict[str, Any]:
+    """The columns of a table and what they are taken for, to be agreed to."""
+    from truing.importers.proposal import check_complete, propose
+    from truing.importers.text_table import read_text_table
+
+    table = read_text_table(part)
+    numbers = dict(wishes.numbers)
+    given = {key: numbers[key] for key in ("nominal_voltage_v", "wheelbase_m") if key in numbers}
+    proposal = propose([table], **given)
+    try:
+        check_complete(proposal, part)
+        problem = ""
+    except TruingError as error:
+        problem = f"{error.message}. {error.next_step}".replace(str(part), name)
+    columns = [
+        [one.name, one.unit, *(f"{end:.6g}" if end == end else "–" for end in (one.low, one.high)), one.spark]
+        for one in proposal.columns
+    ]
+    return {
+        "ask": "mapping",
+        "name": name,
+        "toml": proposal.to_toml(),
+        "columns": columns,
+        "notes": [*table.notes, *proposal.notes],
+        "why": problem,
+    }
+
+
+def _moved(part: Path, target: Path, kind: str, folder: Path) -> dict[str, Any]:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    part.replace(target)
+    return {"kind": kind, "path": str(target), "set": folder.name}
+
+
+def _new_folder(dropped: Path, name: str) -> Path:
+    """A set of the file's own name; a number is added where there is one already."""
+    stem = safe_name(name).split(".")[0] or "run"
+    number, folder = 2, dropped / stem
+    while folder.exists():
+        folder, number = dropped / f"{stem}-{number}", number + 1
+    return folder
 
 
 def _checked(part: Path, read: Callable[[Path], object]) -> None:
@@ -59,19 +214,18 @@ def _checked(part: Path, read: Callable[[Path], object]) -> None:
     read(part)
 
 
-def _is_verdict(part: Path) -> bool:
-    """Whether a file of JSON is a diagnosis.
+def _json(part: Path) -> Any:
+    """The content of a file of JSON.
 
     Raises
     ------
-    TruingError : it is not JSON.
+    TruingError : it is not JSON, or too large for one of ours.
     """
     if part.stat().st_size > _MAX_TEXT_BYTES:
         raise TruingError(f"{part}: too large for a diagnosis or for metadata")
     try:
-        content = json.loads(part.read_bytes())
+        return json.loads(part.read_bytes())
     except RecursionError:
         raise TruingError(f"{part}: nested too deeply to be a diagnosis or metadata") from None
     except ValueError as error:
         raise TruingError(f"{part}: is not JSON ({error})") from None
-    return isinstance(content, dict) and "verdict" in content

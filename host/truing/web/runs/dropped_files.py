@@ -30,7 +30,7 @@ _SPARE_DISK_BYTES = 100_000_000
 # Answered to a client that has left; nobody reads it.
 _CLIENT_CLOSED = 499
 
-Check: TypeAlias = Callable[[str, Path], Awaitable[dict[str, Any]]]
+Check: TypeAlias = Callable[[dict[str, str], Path], Awaitable[dict[str, Any]]]
 
 
 class _RefusedError(Exception):
@@ -43,7 +43,8 @@ def add_upload(app: FastAPI, dropped: Path, check: Check) -> None:
     Parameters
     ----------
     dropped : folder for dropped recordings, also while they arrive.
-    check : reads a file of this name and puts it where it belongs; returns its path, or the error.
+    check : reads a file and puts it where it belongs, by the parameters of the request; returns what became
+        of it, a question, or the error.
     """
     one_at_a_time = asyncio.Semaphore(1)
     # What a view that was killed has left there.
@@ -58,7 +59,7 @@ def add_upload(app: FastAPI, dropped: Path, check: Check) -> None:
                 with _incoming(dropped) as folder:
                     part = folder / (safe_name(name) or "run.csv")
                     await _receive(request, part, name)
-                    return JSONResponse(await check(name, part))
+                    return JSONResponse(await check(dict(request.query_params), part))
         except _RefusedError as refusal:
             return JSONResponse({"error": str(refusal)}, status_code=413)
         except ClientDisconnect:
