@@ -233,6 +233,10 @@ class ExpressionError(TruingError):
         super().__init__(f"{text!r}: {why}", f"An expression may hold {allowed}")
 
 
+class UploadRefusedError(TruingError):
+    """A file dropped onto a page is not taken."""
+
+
 class LibraryMissingError(TruingError):
     """What was asked for needs a library that is not installed (`extras.py`)."""
 

@@ -20,7 +20,6 @@ from truing.web.models.error_model import read_verdict
 from truing.web.process.helper import HelperProcess
 from truing.web.process.run_cache import RunCache
 from truing.web.runs.arrivals import Wishes, store
-from truing.web.runs.dropped_files import MAX_BYTES
 from web.synthetic_runs import BASELINE, VERDICT, synthetic_set
 from web.upload_load import HEADER, ROW, measure, post
 from web.view_process import ViewProcess
@@ -170,6 +169,8 @@ def begin_upload(view: ViewProcess, size: int) -> socket.socket:
 
 @pytest.mark.slow
 def test_a_file_that_is_too_large_is_refused_before_it_is_sent(view):
+    from truing.web.runs.dropped_files import MAX_BYTES  # brings fastapi
+
     with begin_upload(view, MAX_BYTES + 50_000_000) as raw:
         answer = b""
         while b"}" not in answer and (got := raw.recv(4096)):

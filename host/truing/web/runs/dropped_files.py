@@ -18,6 +18,7 @@ from fastapi import FastAPI, Request, Response
 from fastapi.responses import FileResponse, JSONResponse
 from starlette.requests import ClientDisconnect
 
+from truing.errors import UploadRefusedError
 from truing.web.runs.library import safe_name
 
 # A recording is read as a whole, and takes about fourteen times its size in memory meanwhile.
@@ -31,10 +32,6 @@ _SPARE_DISK_BYTES = 100_000_000
 _CLIENT_CLOSED = 499
 
 Check: TypeAlias = Callable[[dict[str, str], Path], Awaitable[dict[str, Any]]]
-
-
-class _RefusedError(Exception):
-    """An upload that is not taken; the text says why."""
 
 
 def add_upload(app: FastAPI, dropped: Path, check: Check) -> None:
@@ -60,8 +57,8 @@ def add_upload(app: FastAPI, dropped: Path, check: Check) -> None:
                     part = folder / (safe_name(name) or "run.csv")
                     await _receive(request, part, name)
                     return JSONResponse(await check(dict(request.query_params), part))
-        except _RefusedError as refusal:
-            return JSONResponse({"error": str(refusal)}, status_code=413)
+        except UploadRefusedError as refusal:
+            return JSONResponse({"error": refusal.message}, status_code=413)
         except ClientDisconnect:
             return Response(status_code=_CLIENT_CLOSED)
         except OSError as error:
@@ -80,14 +77,16 @@ def add_reports(app: FastAPI, diagnoses: Path) -> None:
 def _admit(name: str, size: int, dropped: Path) -> None:
     """Refuse by size, before anything has been read."""
     if size > MAX_BYTES:
-        raise _RefusedError(
+        raise UploadRefusedError(
             f"{name}: {size / 1e6:.0f} MB; a page takes files of up to {MAX_BYTES // 1_000_000} MB. "
             "`truing import FILE` reads larger ones."
         )
     dropped.mkdir(parents=True, exist_ok=True)
     free = shutil.disk_usage(dropped).free
     if size + _SPARE_DISK_BYTES > free:
-        raise _RefusedError(f"{name}: {size / 1e6:.0f} MB do not fit on the disk ({free / 1e6:.0f} MB free).")
+        raise UploadRefusedError(
+            f"{name}: {size / 1e6:.0f} MB do not fit on the disk ({free / 1e6:.0f} MB free)."
+        )
 
 
 @contextlib.contextmanager
@@ -115,7 +114,7 @@ async def _receive(request: Request, part: Path, name: str) -> None:
         async for chunk in request.stream():
             size += len(chunk)
             if size > MAX_BYTES:
-                raise _RefusedError(f"{name}: larger than {MAX_BYTES // 1_000_000} MB.")
+                raise UploadRefusedError(f"{name}: larger than {MAX_BYTES // 1_000_000} MB.")
             piece += chunk
             if len(piece) >= _PIECE_BYTES:
                 await asyncio.to_thread(file.write, bytes(piece))
