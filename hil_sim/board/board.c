@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "machine.h"
+#include "thumb.h"
 
 /* RCC_CSR flags of each cause; every reset also pulls NRST (RM0090 7.1.2). */
 static const uint32_t cause_flags[] = {[BOARD_RESET_POWER] = 0x0E000000u,
@@ -48,6 +48,7 @@ struct board *board_create(const struct board_options *options)
     b->ccm = aligned_alloc(4096, CCM_SIZE);
     b->system = aligned_alloc(4096, SYSTEM_SIZE);
     b->flash_blocks = calloc(FLASH_SIZE / 2, sizeof *b->flash_blocks);
+    b->code.at = calloc(FLASH_SIZE / 2, sizeof(struct code_block *));
     b->crystal_alive = true;
     b->supply_v = nominal_v;
     b->option_bytes = FACTORY_OPTIONS;
@@ -61,7 +62,7 @@ struct board *board_create(const struct board_options *options)
     b->idcode = IDCODE;
     time_set_hz(b, b->hsi_hz);
     bool memory = b->flash_array != NULL && b->flash_before != NULL && b->sram != NULL && b->ccm != NULL &&
-                  b->system != NULL && b->flash_blocks != NULL;
+                  b->system != NULL && b->flash_blocks != NULL && b->code.at != NULL;
     if (!memory || !cpu_open(b)) {
         board_destroy(b);
         return NULL;
@@ -91,6 +92,10 @@ void board_destroy(struct board *board)
     free(board->ccm);
     free(board->system);
     free(board->flash_blocks);
+    if (board->code.at != NULL) {
+        thumb_forget(board);
+    }
+    free(board->code.at);
     free(board);
 }
 
@@ -249,6 +254,12 @@ void board_set_flash_slow(struct board *board, bool slow)
 void board_set_adc_dead(struct board *board, bool dead)
 {
     adc_set_dead(board, dead);
+}
+
+void board_set_engine_only(struct board *board, bool only)
+{
+    board->engine_only = only;
+    board->code.stale = true;
 }
 
 void board_set_interrupt_stuck(struct board *board, unsigned irq, bool stuck)

@@ -113,6 +113,8 @@ void board_set_flash_slow(struct board *board, bool slow);
 /* From now on no conversion of any ADC ends. */
 void board_set_adc_dead(struct board *board, bool dead);
 /* An interrupt's request line is stuck: its handler is called again as soon as it has returned. */
+/* Every instruction goes to the CPU engine, none to the interpreter: slow, and the same. */
+void board_set_engine_only(struct board *board, bool only);
 void board_set_interrupt_stuck(struct board *board, unsigned irq, bool stuck);
 /* The flash operation after this many more stops half way, at a point drawn by the seed, and the board loses
  * power; negative: never. Power that fails, or a reset that comes, at any other time tears the operation

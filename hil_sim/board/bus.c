@@ -334,6 +334,28 @@ void bus_write(uc_engine *uc, uint64_t offset, unsigned size, uint64_t value, vo
     board_enter(r->board, before);
 }
 
+/* The CPU's access to a register; false where no registers are, or not at such an address. */
+bool bus_access(struct board *b, uint32_t address, bool write, uint32_t *value, unsigned size)
+{
+    if (address % size != 0) {
+        return false;
+    }
+    for (size_t i = 0; i < BUS_REGIONS; i++) {
+        if (address - regions[i].base < regions[i].size) {
+            const enum board_phase before = board_enter(b, BOARD_PERIPHERALS);
+            tick(b);
+            if (write) {
+                cpu_write(b, address, size, *value);
+            } else {
+                *value = cpu_read(b, address, size);
+            }
+            board_enter(b, before);
+            return true;
+        }
+    }
+    return false;
+}
+
 bool bus_map(struct board *b)
 {
     static_assert(sizeof regions / sizeof regions[0] == BUS_REGIONS, "one entry for each region");

@@ -1,6 +1,6 @@
-/* The CPU: Unicorn runs the instructions, block by block; this file keeps the time and handles events between
- * blocks. */
-#include "machine.h"
+/* The CPU: the interpreter or the engine runs the instructions, block by block; this file keeps the time and
+ * handles events between blocks. */
+#include "thumb.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -14,41 +14,6 @@
 
 /* Interrupt numbers of Unicorn's ARM, as observed with 2.1.4; the last one is this file's own. */
 enum { TRAP_SVC = 2, TRAP_PREFETCH_ABORT = 3, TRAP_BREAKPOINT = 7, TRAP_EXCEPTION_RETURN = 1000 };
-
-uint32_t cpu_get(struct board *b, int reg)
-{
-    uint32_t value = 0;
-    uc_reg_read(b->uc, reg, &value);
-    return value;
-}
-
-void cpu_set(struct board *b, int reg, uint32_t value)
-{
-    uc_reg_write(b->uc, reg, &value);
-}
-
-/* Several registers in one go; at most CPU_BATCH. */
-void cpu_get_many(struct board *b, const int *regs, uint32_t *values, int count)
-{
-    int ids[CPU_BATCH];
-    void *where[CPU_BATCH];
-    for (int i = 0; i < count; i++) {
-        ids[i] = regs[i];
-        where[i] = &values[i];
-    }
-    uc_reg_read_batch(b->uc, ids, where, count);
-}
-
-void cpu_set_many(struct board *b, const int *regs, uint32_t *values, int count)
-{
-    int ids[CPU_BATCH];
-    void *where[CPU_BATCH];
-    for (int i = 0; i < count; i++) {
-        ids[i] = regs[i];
-        where[i] = &values[i];
-    }
-    uc_reg_write_batch(b->uc, ids, where, count);
-}
 
 /* Host address of guest memory, NULL where there is none (or none to write). */
 uint8_t *cpu_memory(const struct board *b, uint32_t address, size_t length, bool write)
@@ -144,19 +109,32 @@ static bool must_leave(struct board *b)
     return b->nvic.best != 0 && b->nvic.best_priority < nvic_execution_priority(b);
 }
 
+/* Between two blocks: the one before is over, and its time with it. False: something else comes before the
+ * next. */
+bool cpu_begin_block(struct board *b, uint32_t pc)
+{
+    finish_block(b);
+    b->block_pc = pc;
+    if (b->it_left == 0 && b->now >= b->break_at) {
+        events_run(b, b->now);
+        return !must_leave(b);
+    }
+    return true;
+}
+
 /* Called by the engine before each block. Returning early means that the block has not begun. */
 static void on_block(uc_engine *uc, uint64_t address, uint32_t size, void *user)
 {
     struct board *b = user;
-    finish_block(b);
-    b->block_pc = (uint32_t)address;
-    if (b->it_left == 0 && b->now >= b->break_at) {
-        events_run(b, b->now);
-        if (must_leave(b)) {
-            b->at_block = true;
-            uc_emu_stop(uc);
-            return;
-        }
+    if (b->resumes) {
+        b->resumes = false;
+        return;
+    }
+    const bool begun = cpu_begin_block(b, (uint32_t)address);
+    if (!begun || (b->it_left == 0 && thumb_find(b, (uint32_t)address, 0) != NULL)) {
+        b->at_block = true;
+        uc_emu_stop(uc);
+        return;
     }
     if (address >= RETURN_PAGE) {
         b->trap = TRAP_EXCEPTION_RETURN;
@@ -224,6 +202,7 @@ static bool on_tlb_fill(uc_engine *uc, uint64_t address, uc_mem_type type, uc_tl
     bool sram = page < SRAM_SIZE / CODE_PAGE;
     if (sram && type == UC_MEM_FETCH && (b->sram_code_pages[page / 32] >> page % 32 & 1u) == 0) {
         b->sram_code_pages[page / 32] |= 1u << page % 32;
+        b->sram_has_code = true;
         b->tlb_stale = true; /* other privilege levels may still have the page cached as data */
         cpu_update_break(b);
     }
@@ -348,12 +327,12 @@ static void fault_no_coprocessor(struct board *b)
     uint32_t before;
     uint32_t pc = first_fp(b, b->block_pc, &before);
     if (before != 0) {
-        b->no_fp = false; /* lets the instructions in front of it run */
-        uint64_t break_at = b->break_at;
-        b->break_at = NEVER;
+        b->current = (struct block){.cycles = 1, .size = UINT16_MAX}; /* cut below */
+        b->resumes = true; /* lets the instructions in front of it run */
+        core_to_engine(b);
         uc_emu_start(b->uc, b->block_pc | 1u, NO_END, 0, before);
-        b->break_at = break_at;
-        b->no_fp = true;
+        core_from_engine(b);
+        b->resumes = false;
         cut_block(b, pc);
     }
     exception_fault(b, EXC_USAGE_FAULT, 1u << 19, pc); /* CFSR.NOCP */
@@ -401,19 +380,28 @@ static uint32_t usage_fault_of(uc_err error)
     }
 }
 
+static void branch_to_return_page(struct board *b, uint32_t pc)
+{
+    if (pc >= RETURN_FIRST) {
+        exception_return(b, pc | 1u);
+    } else {
+        exception_fault(b, EXC_BUS_FAULT, 1u << 8, pc);
+    }
+}
+
 /* One stretch in the engine, and what made it end. */
 static void run_engine(struct board *b)
 {
     b->at_block = false;
     b->trap = TRAP_NONE;
     b->fault_seen = false;
-    if ((cpu_get(b, UC_ARM_REG_PC) | 1u) == (NO_END | 1u)) { /* an erased vector: the engine ends at once */
-        exception_fault(b, EXC_BUS_FAULT, 1u << 8, NO_END);
-        return;
-    }
-    uc_err error = uc_emu_start(b->uc, cpu_get(b, UC_ARM_REG_PC) | 1u, NO_END, 0, 0);
-    uint32_t pc = cpu_get(b, UC_ARM_REG_PC);
+    core_to_engine(b);
+    uc_err error = uc_emu_start(b->uc, b->core.r[REG_PC] | 1u, NO_END, 0, 0);
+    core_from_engine(b);
+    b->resumes = false;
+    const uint32_t pc = b->core.r[REG_PC];
     if (b->at_block && !b->fault_seen) {
+        b->core.xpsr &= b->it_left == 0 ? ~XPSR_IT : ~0u;
         return;
     }
     if (b->fault_seen && b->fault_type < 0) {
@@ -421,11 +409,7 @@ static void run_engine(struct board *b)
     } else if (b->fault_seen) {
         fault_by_memory(b, pc);
     } else if (b->trap == TRAP_EXCEPTION_RETURN) {
-        if (pc >= RETURN_FIRST) {
-            exception_return(b, pc | 1u);
-        } else {
-            exception_fault(b, EXC_BUS_FAULT, 1u << 8, pc);
-        }
+        branch_to_return_page(b, pc);
     } else if (b->trap == TRAP_SVC) {
         finish_block(b);
         exception_svc(b, pc);
@@ -446,6 +430,50 @@ static void run_engine(struct board *b)
     } else {
         cut_block(b, pc);
         exception_fault(b, EXC_USAGE_FAULT, usage_fault_of(error), pc);
+    }
+}
+
+/* The interpreter has stopped. False: the engine has to go on from here. */
+static bool settle_stop(struct board *b)
+{
+    switch (b->code.stop) {
+    case THUMB_AT_BLOCK:
+        return true;
+    case THUMB_WAITS:
+        finish_block(b);
+        b->sleeping = true;
+        return true;
+    case THUMB_NO_FP:
+        fault_no_coprocessor(b);
+        return true;
+    case THUMB_ESCAPES:
+        b->resumes = true;
+        return false;
+    default:
+        return false;
+    }
+}
+
+/* One stretch of code, in the interpreter as far as that goes, and what made it end. */
+static void run_code(struct board *b)
+{
+    const uint32_t begin = b->core.r[REG_PC];
+    if (begin == NO_END) { /* an erased vector: the engine ends at once */
+        exception_fault(b, EXC_BUS_FAULT, 1u << 8, NO_END);
+        return;
+    }
+    struct code_block *block = b->it_left == 0 ? thumb_find(b, begin, 0) : NULL;
+    if (block != NULL) {
+        thumb_run(b, block);
+        if (settle_stop(b)) {
+            return;
+        }
+    }
+    const uint32_t pc = b->core.r[REG_PC];
+    if (pc < RETURN_PAGE) {
+        run_engine(b);
+    } else if (cpu_begin_block(b, pc)) {
+        branch_to_return_page(b, pc);
     }
 }
 
@@ -490,6 +518,9 @@ void cpu_run(struct board *b)
             uc_ctl_remove_cache(b->uc, b->block_pc, (uint64_t)b->block_pc + 2u);
             cpu_set(b, UC_ARM_REG_XPSR_NZCVQG, cpu_get(b, UC_ARM_REG_XPSR) & ~XPSR_IT);
         }
+        if (b->code.stale) {
+            thumb_forget(b);
+        }
         if (b->tlb_stale) {
             b->tlb_stale = false;
             uc_ctl_flush_tlb(b->uc);
@@ -523,7 +554,7 @@ void cpu_run(struct board *b)
         if (b->sleeping) {
             stand_still(b, NEVER);
         } else {
-            run_engine(b);
+            run_code(b);
         }
     }
 }

@@ -4,7 +4,7 @@
  * more per word; a refill of two for a branch (one on average for a conditional one); divides seven, FP
  * divide and root fourteen, FP multiply-add three. What reads of flash take beyond one cycle is counted in
  * flash_waits.c, on request. */
-#include "machine.h"
+#include "thumb.h"
 
 #include <string.h>
 
@@ -137,4 +137,5 @@ void blocks_forget(struct board *b, uint32_t first, uint32_t length)
 {
     uint32_t before = first < 4096 ? first : 4096; /* blocks that began earlier and reach into it */
     memset(b->flash_blocks + (first - before) / 2, 0, sizeof(struct block) * ((length + before) / 2));
+    b->code.stale = b->code.stale || thumb_has_run(b, first, length);
 }

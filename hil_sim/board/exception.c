@@ -13,12 +13,9 @@ enum {
     FP_FRAME_WORDS = 26
 };
 #define SHCSR_BUSFAULTENA (1u << 17)
-#define CONTROL_SPSEL     2u
-#define CONTROL_FPCA      4u
 #define STKERR            (1u << 12) /* CFSR */
 #define UNSTKERR          (1u << 11)
 #define HFSR_FORCED       (1u << 30)
-#define XPSR_T            (1u << 24)
 #define XPSR_ALIGN        (1u << 9)
 #define CCR_STKALIGN      (1u << 9)
 #define FPCCR_ASPEN       (1u << 31)
@@ -26,28 +23,8 @@ enum {
 #define RETURN_PSP        (1u << 2)
 #define RETURN_THREAD     (1u << 3)
 
-/* The six that the frame holds, then what else entry needs to know. */
-static const int frame_registers[] = {UC_ARM_REG_R0, UC_ARM_REG_R1,   UC_ARM_REG_R2,
-                                      UC_ARM_REG_R3, UC_ARM_REG_R12,  UC_ARM_REG_LR,
-                                      UC_ARM_REG_SP, UC_ARM_REG_XPSR, UC_ARM_REG_CONTROL};
-enum { FRAME_REGISTERS = 6, ENTRY_REGISTERS = 9 };
-struct entry_state {
-    uint32_t frame[FRAME_REGISTERS], sp, xpsr, control;
-};
-static_assert(sizeof(struct entry_state) == (size_t)4 * ENTRY_REGISTERS, "one word for each register read");
-
-/* Registers of the FP part of the frame, in its order. */
-static const int fp_registers[] = {UC_ARM_REG_D0, UC_ARM_REG_D1, UC_ARM_REG_D2,
-                                   UC_ARM_REG_D3, UC_ARM_REG_D4, UC_ARM_REG_D5,
-                                   UC_ARM_REG_D6, UC_ARM_REG_D7, UC_ARM_REG_FPSCR};
-enum { FP_REGISTERS = 9 };
-
-static void place_fp(uint32_t *words, void **where)
-{
-    for (int i = 0; i < FP_REGISTERS; i++) {
-        where[i] = &words[FRAME_WORDS + 2 * i];
-    }
-}
+enum { FRAME_REGISTERS = 6, FP_IN_FRAME = 16 };
+static const int frame_registers[FRAME_REGISTERS] = {0, 1, 2, 3, 12, REG_LR};
 
 static void lock_up(struct board *b)
 {
@@ -97,8 +74,8 @@ static void enter_handler(struct board *b, unsigned exception, uint32_t xpsr, ui
     if ((control & ~1u) != 0) {
         cpu_set(b, UC_ARM_REG_CONTROL, control & 1u);
     }
-    static const int registers[] = {UC_ARM_REG_LR, UC_ARM_REG_PC};
-    cpu_set_many(b, registers, (uint32_t[]){exc_return, vector | 1u}, 2);
+    b->core.r[REG_LR] = exc_return;
+    cpu_set(b, UC_ARM_REG_PC, vector);
     b->it_left = 0;
     nvic_pend(b, exception, false);
     nvic_set_active(b, exception, true);
@@ -121,21 +98,21 @@ static bool store_frame(struct board *b, uint32_t base, const uint32_t *words, u
     return frame != NULL;
 }
 
-static bool push_frame(struct board *b, uint32_t return_pc, const struct entry_state *state, bool fp)
+static bool push_frame(struct board *b, uint32_t return_pc, uint32_t xpsr, bool fp)
 {
     uint32_t words[FP_FRAME_WORDS] = {0};
-    memcpy(words, state->frame, sizeof state->frame);
-    const uint32_t sp = state->sp;
-    const uint32_t xpsr = state->xpsr;
+    const uint32_t sp = b->core.r[REG_SP];
+    for (int i = 0; i < FRAME_REGISTERS; i++) {
+        words[i] = b->core.r[frame_registers[i]];
+    }
     uint32_t size = 4u * (fp ? FP_FRAME_WORDS : FRAME_WORDS);
     bool aligned = (sp & 4u) == 0 || ((b->scb.ccr & CCR_STKALIGN) == 0 && !fp);
     uint32_t base = sp - size - (aligned ? 0 : 4);
     words[6] = return_pc & ~1u;
     words[7] = (xpsr & ~XPSR_ALIGN) | XPSR_T | (aligned ? 0 : XPSR_ALIGN);
     if (fp) {
-        void *where[FP_REGISTERS];
-        place_fp(words, where);
-        uc_reg_read_batch(b->uc, fp_registers, where, FP_REGISTERS);
+        memcpy(words + FRAME_WORDS, b->core.s, (size_t)4 * FP_IN_FRAME);
+        words[FRAME_WORDS + FP_IN_FRAME] = b->core.fpscr;
     }
     const bool good = store_frame(b, base, words, size);
     cpu_set(b, UC_ARM_REG_SP, base);
@@ -178,13 +155,12 @@ static unsigned after_stack_error(struct board *b, unsigned exception)
 
 static void stack_and_enter(struct board *b, unsigned exception, uint32_t return_pc)
 {
-    struct entry_state state;
-    cpu_get_many(b, frame_registers, (uint32_t *)&state, ENTRY_REGISTERS);
-    const uint32_t control = state.control;
-    bool handler = (state.xpsr & 0x1FFu) != 0;
+    const uint32_t control = b->core.control;
+    const uint32_t xpsr = core_xpsr(&b->core);
+    bool handler = (xpsr & XPSR_EXCEPTION) != 0;
     bool fp = (control & CONTROL_FPCA) != 0 && (b->scb.fpccr & FPCCR_ASPEN) != 0;
     spend(b, ENTRY_CYCLES + (fp ? FP_CYCLES : 0));
-    if (!push_frame(b, return_pc, &state, fp)) {
+    if (!push_frame(b, return_pc, xpsr, fp)) {
         exception = after_stack_error(b, exception);
         if (exception == 0) {
             return;
@@ -194,7 +170,7 @@ static void stack_and_enter(struct board *b, unsigned exception, uint32_t return
     if (!handler) {
         exc_return |= RETURN_THREAD | ((control & CONTROL_SPSEL) != 0 ? RETURN_PSP : 0);
     }
-    enter_handler(b, exception, state.xpsr, control, exc_return);
+    enter_handler(b, exception, xpsr, control, exc_return);
 }
 
 static void enter(struct board *b, unsigned exception, uint32_t return_pc)
@@ -247,26 +223,20 @@ static void pop_frame(struct board *b, uint32_t exc_return)
         return;
     }
     /* xPSR with IPSR decides what SP means; the condition and IT bits come with it. */
-    const int order[] = {psp ? UC_ARM_REG_PSP : UC_ARM_REG_MSP,
-                         UC_ARM_REG_XPSR_NZCVQG,
-                         UC_ARM_REG_R0,
-                         UC_ARM_REG_R1,
-                         UC_ARM_REG_R2,
-                         UC_ARM_REG_R3,
-                         UC_ARM_REG_R12,
-                         UC_ARM_REG_LR,
-                         UC_ARM_REG_PC};
-    uint32_t values[] = {sp, xpsr, words[0], words[1], words[2], words[3], words[4], words[5], words[6] | 1u};
-    cpu_set_many(b, order, values, sizeof order / sizeof order[0]);
+    cpu_set(b, psp ? UC_ARM_REG_PSP : UC_ARM_REG_MSP, sp);
+    cpu_set(b, UC_ARM_REG_XPSR_NZCVQG, xpsr);
+    for (int i = 0; i < FRAME_REGISTERS; i++) {
+        b->core.r[frame_registers[i]] = words[i];
+    }
+    cpu_set(b, UC_ARM_REG_PC, words[6]);
     uint32_t before = cpu_get(b, UC_ARM_REG_CONTROL);
     uint32_t control = (before & 1u) | (thread && psp ? CONTROL_SPSEL : 0) | (fp ? CONTROL_FPCA : 0);
     if (control != before) {
         cpu_set(b, UC_ARM_REG_CONTROL, control);
     }
     if (fp) {
-        void *where[FP_REGISTERS];
-        place_fp(words, where);
-        uc_reg_write_batch(b->uc, fp_registers, where, FP_REGISTERS);
+        memcpy(b->core.s, words + FRAME_WORDS, (size_t)4 * FP_IN_FRAME);
+        b->core.fpscr = words[FRAME_WORDS + FP_IN_FRAME];
     }
     uint32_t it = ((xpsr >> 8) & 0xFCu) | ((xpsr >> 25) & 3u);
     b->it_left = (it & 0xFu) != 0 ? 4u - (uint32_t)__builtin_ctz(it & 0xFu) : 0;

@@ -2,7 +2,7 @@
  * to or the cache is emptied, by DCRST while it is off. Which of its 8 lines lie in the erased sector depends
  * on what was loaded last, which the board does not follow: the first 8 that were not blank are taken. While
  * the cache is on, the array shows the old bytes there, so that no load costs anything. */
-#include "machine.h"
+#include "thumb.h"
 
 #include <string.h>
 
@@ -11,6 +11,7 @@ enum { DCEN = 1 << 10, DCRST = 1 << 12 };
 static void show(struct board *b, const struct flash_stale_line *line, bool cached)
 {
     memcpy(b->flash_array + line->offset, cached ? line->cached : line->erased, FLASH_LINE);
+    b->code.stale = b->code.stale || thumb_has_run(b, line->offset, FLASH_LINE);
 }
 
 static void show_all(struct board *b, bool cached)

@@ -225,5 +225,6 @@ bool board_count_flash_waits(struct board *board)
     }
     uc_ctl_flush_tb(board->uc); /* loads translated before do not ask for hooks */
     board->flash_waits.counted = good;
+    board_set_engine_only(board, true); /* the interpreter's loads pass no hook */
     return good;
 }

@@ -7,6 +7,7 @@
 #include <unicorn/unicorn.h>
 
 #include "board.h"
+#include "registers.h"
 
 enum {
     FLASH_BASE = 0x08000000,
@@ -261,12 +262,31 @@ enum { BLOCK_KNOWN = 1, BLOCK_FP = 2, BLOCK_WAITS = 4 };
 
 enum trap { TRAP_NONE = -1 };
 
+/* Blocks of code as the interpreter has decoded them. */
+struct code_block;
+struct code_cache {
+    struct code_block **at; /* one for each half-word of flash */
+    struct code_chunk *chunks;
+    uint32_t
+        pages[FLASH_SIZE / CODE_PAGE / 32]; /* one bit for each page of flash that has gone into a block */
+    bool stale;                             /* to be forgotten before the next block is looked for */
+    struct code_block *running, *next;      /* next: NULL where the interpreter stops */
+    enum thumb_stop {
+        THUMB_LEAVES,   /* comes to code that is the engine's */
+        THUMB_AT_BLOCK, /* something is due before the next block */
+        THUMB_ESCAPES,  /* inside a block, before an instruction that is the engine's */
+        THUMB_WAITS,    /* WFI */
+        THUMB_NO_FP     /* at a block that uses the FPU while it is off */
+    } stop;
+};
+
 struct region_of {
     struct board *board;
     uint32_t base;
 };
 
 struct board {
+    struct core core;
     uc_engine *uc;
     struct board_options options;
     uint8_t *flash_array, *sram, *ccm, *system;
@@ -274,6 +294,7 @@ struct board {
     struct region_of region[BUS_REGIONS];
     uint8_t bus_page[BUS_PAGES];
     struct block *flash_blocks; /* one per half-word of flash */
+    struct code_cache code;
 
     /* time */
     uint64_t now;      /* cycle at the beginning of the block that runs */
@@ -296,8 +317,11 @@ struct board {
     uint32_t accesses;                                    /* register accesses within the block */
     uint32_t it_left;                                     /* the next block begins inside an IT block */
     bool at_block, needs_check, reset_wanted, sleeping, locked_up, halted, clock_dead, powered, no_fp;
-    bool tlb_stale; /* the engine's translation cache has to be emptied between two blocks */
-    bool it_stale;  /* the engine's ITSTATE may be out of date */
+    bool engine_only;   /* nothing is interpreted */
+    bool sram_has_code; /* one of these pages there is */
+    bool resumes;       /* the engine goes on inside a block that has begun */
+    bool tlb_stale;     /* the engine's translation cache has to be emptied between two blocks */
+    bool it_stale;      /* the engine's ITSTATE may be out of date */
     enum board_reset reset_cause;
     int trap;
     bool fault_seen;
@@ -396,16 +420,16 @@ void event_at_ps(struct board *b, unsigned id, uint64_t ps);
 void event_cancel(struct board *b, unsigned id);
 void events_run(struct board *b, uint64_t until);
 
-/* cpu.c */
+/* registers.c */
 uint32_t cpu_get(struct board *b, int reg);
 void cpu_set(struct board *b, int reg, uint32_t value);
-enum { CPU_BATCH = 16 };
-void cpu_get_many(struct board *b, const int *regs, uint32_t *values, int count);
-void cpu_set_many(struct board *b, const int *regs, uint32_t *values, int count);
+
+/* cpu.c */
 bool cpu_open(struct board *b);
 void cpu_reset(struct board *b);
 void cpu_run(struct board *b);
 void cpu_update_break(struct board *b);
+bool cpu_begin_block(struct board *b, uint32_t pc);
 void cpu_count(struct board *b, uint64_t instructions, uint64_t cycles);
 void cpu_engine_read_state(struct board *b);
 uint8_t *cpu_memory(const struct board *b, uint32_t address, size_t length, bool write);
@@ -453,6 +477,7 @@ void systick_freeze(struct board *b, bool frozen);
 uint64_t bus_read(uc_engine *uc, uint64_t offset, unsigned size, void *region);
 void bus_write(uc_engine *uc, uint64_t offset, unsigned size, uint64_t value, void *region);
 bool bus_map(struct board *b);
+bool bus_access(struct board *b, uint32_t address, bool write, uint32_t *value, unsigned size);
 void bus_master_access(struct board *b, uint32_t address, bool write, uint32_t *value, unsigned size);
 void bus_reset_peripherals(struct board *b, unsigned rcc_bus, uint32_t bits);
 void warn_once(struct board *b, uint32_t key, const char *format, ...) __attribute__((format(printf, 3, 4)));

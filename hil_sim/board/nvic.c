@@ -119,18 +119,19 @@ void nvic_set_stuck(struct board *b, unsigned irq, bool stuck)
  * CPU leaves PRIMASK out: it holds the handler back, not the wake-up (PM0214 2.5.3). */
 int nvic_execution_priority(struct board *b)
 {
-    static const int masks[] = {UC_ARM_REG_PRIMASK, UC_ARM_REG_BASEPRI, UC_ARM_REG_FAULTMASK};
-    uint32_t mask[3] = {0};
-    cpu_get_many(b, masks, mask, 3);
+    const struct core *core = &b->core;
+    const bool live = core->in_engine;
+    const uint32_t primask = live ? cpu_get(b, UC_ARM_REG_PRIMASK) : core->primask;
+    const uint32_t faultmask = live ? cpu_get(b, UC_ARM_REG_FAULTMASK) : core->faultmask;
     int priority = b->nvic.active_group;
-    int basepri = (int)mask[1] & PRIORITY_MASK;
+    int basepri = (int)(live ? cpu_get(b, UC_ARM_REG_BASEPRI) : core->basepri) & PRIORITY_MASK;
     if (basepri != 0 && group_of(b, basepri) < priority) {
         priority = group_of(b, basepri);
     }
-    if ((mask[0] & 1u) != 0 && priority > 0 && !b->sleeping) {
+    if ((primask & 1u) != 0 && priority > 0 && !b->sleeping) {
         priority = 0;
     }
-    if ((mask[2] & 1u) != 0 && priority > -1) {
+    if ((faultmask & 1u) != 0 && priority > -1) {
         priority = -1;
     }
     return priority;

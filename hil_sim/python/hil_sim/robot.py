@@ -452,6 +452,10 @@ class VirtualRobot(Simulated):
         """Keep the PLL from locking, from its next start on."""
         self._library.board_set_pll_dead(self._board, dead)
 
+    def set_engine_only(self, only: bool) -> None:
+        """Leave every instruction to the CPU engine, none to the interpreter: slower, the same otherwise."""
+        self._library.board_set_engine_only(self._board, only)
+
     def set_idcode(self, idcode: int) -> None:
         """Let DBGMCU_IDCODE read this: another revision or chip."""
         self._library.board_set_idcode(self._board, idcode)
