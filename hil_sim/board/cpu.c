@@ -400,8 +400,10 @@ static void run_engine(struct board *b)
     core_from_engine(b);
     b->resumes = false;
     const uint32_t pc = b->core.r[REG_PC];
+    if (b->it_left == 0) { /* the engine's own may be out of date */
+        core_set_itstate(&b->core, thumb_itstate(b, b->block_pc, 0, pc));
+    }
     if (b->at_block && !b->fault_seen) {
-        b->core.xpsr &= b->it_left == 0 ? ~XPSR_IT : ~0u;
         return;
     }
     if (b->fault_seen && b->fault_type < 0) {

@@ -35,6 +35,11 @@ uint32_t core_xpsr(const struct core *core)
            core->overflow >> 31 << 28;
 }
 
+void core_set_itstate(struct core *core, uint32_t itstate)
+{
+    core->xpsr = (core->xpsr & ~XPSR_IT) | (itstate & 0xFCu) << 8 | (itstate & 3u) << 25;
+}
+
 static void set_xpsr(struct core *core, uint32_t value)
 {
     core->negative = value;

@@ -37,5 +37,6 @@ struct core {
 void core_to_engine(struct board *b);
 void core_from_engine(struct board *b);
 uint32_t core_xpsr(const struct core *core);
+void core_set_itstate(struct core *core, uint32_t itstate);
 
 #endif

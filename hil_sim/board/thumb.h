@@ -41,7 +41,7 @@ struct code_block {
 struct code_block *thumb_find(struct board *b, uint32_t pc, uint8_t itstate);
 bool thumb_has_run(const struct board *b, uint32_t first, uint32_t length);
 void thumb_forget(struct board *b);
-uint8_t thumb_itstate(const struct board *b, uint32_t pc);
+uint8_t thumb_itstate(const struct board *b, uint32_t begin, uint8_t itstate, uint32_t pc);
 
 /* thumb_run.c */
 void thumb_run(struct board *b, struct code_block *block);

@@ -242,13 +242,16 @@ struct code_block *thumb_find(struct board *b, uint32_t pc, uint8_t itstate)
     return *known != &none ? *known : NULL;
 }
 
-/* The ITSTATE with which the instruction at this address executes, in the block under way. */
-uint8_t thumb_itstate(const struct board *b, uint32_t pc)
+/* The ITSTATE with which the instruction at `pc` executes, reached from that at `begin`, which has the given
+ * one. */
+uint8_t thumb_itstate(const struct board *b, uint32_t begin, uint8_t itstate, uint32_t pc)
 {
-    const struct code_block *block = b->code.running;
-    uint8_t itstate = block->itstate;
-    for (uint32_t at = block->pc; at < pc;) {
-        const uint32_t op = half_word(b->flash_array + (at - FLASH_BASE));
+    for (uint32_t at = begin; at < pc;) {
+        const uint8_t *code = cpu_memory(b, at, 2, false);
+        if (code == NULL) {
+            return 0;
+        }
+        const uint32_t op = half_word(code);
         itstate = is_it(op) ? (uint8_t)op : advance(itstate);
         at += is_wide(op) ? 4 : 2;
     }

@@ -25,7 +25,7 @@ void op_jump(struct board *b, struct op *op)
     b->code.next = block;
     if (block == NULL) {
         R(REG_PC) = op->imm;
-        b->core.xpsr |= ((uint32_t)op->c & 0xFCu) << 8 | ((uint32_t)op->c & 3u) << 25;
+        core_set_itstate(&b->core, op->c);
         return;
     }
     op->run = op_linked_jump;
@@ -121,9 +121,8 @@ void op_wfi(struct board *b, struct op *op)
 void thumb_escape(struct board *b, struct op *op)
 {
     const uint32_t pc = b->block_pc + 2u * op->at;
-    const uint32_t itstate = thumb_itstate(b, pc);
     R(REG_PC) = pc;
-    b->core.xpsr |= (itstate & 0xFCu) << 8 | (itstate & 3u) << 25;
+    core_set_itstate(&b->core, thumb_itstate(b, b->block_pc, b->code.running->itstate, pc));
     b->code.next = NULL;
     b->code.stop = THUMB_ESCAPES;
 }
