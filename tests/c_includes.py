@@ -33,7 +33,7 @@ CIRCLES = {
 STANDARD = {
     f"<{name}.h>"
     for name in (
-        *("assert", "fenv", "float", "inttypes", "limits", "math", "stdarg", "stdbool", "stddef", "stdint"),
+        *("assert", "float", "inttypes", "limits", "math", "stdarg", "stdbool", "stddef", "stdint"),
         *("stdio", "stdlib", "string"),
     )
 }

@@ -333,6 +333,11 @@ void board_set_stack_pointer(struct board *board, uint32_t value)
 void board_cost(const struct board *board, unsigned exception, struct board_cost *out)
 {
     *out = exception < BOARD_EXCEPTIONS ? board->cost[exception] : (struct board_cost){0};
+    const struct running *top = &board->running[board->depth];
+    if (top->exception == exception) { /* what it has not been charged with yet */
+        out->instructions += board->stats.instructions - board->settled_instructions;
+        out->cycles += board->busy_cycles - board->settled_cycles;
+    }
     for (size_t i = 0; i <= board->depth && exception < BOARD_EXCEPTIONS; i++) {
         if (board->running[i].exception == exception) {
             out->instructions += board->running[i].instructions;

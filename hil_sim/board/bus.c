@@ -253,7 +253,7 @@ static uint32_t read_any(struct board *b, uint32_t address, unsigned size)
     if (!own_lanes) {
         lane = address & 3u;
     }
-    const uint8_t *memory = cpu_memory(b, address - lane, 4, false);
+    const uint8_t *memory = address < 0x40000000u ? cpu_memory(b, address - lane, 4, false) : NULL;
     if (memory != NULL) {
         memcpy(&value, memory, sizeof value);
     } else {
@@ -265,7 +265,7 @@ static uint32_t read_any(struct board *b, uint32_t address, unsigned size)
 
 static void write_any(struct board *b, uint32_t address, uint32_t value, unsigned size)
 {
-    uint8_t *memory = cpu_memory(b, address, size, true);
+    uint8_t *memory = address < 0x40000000u ? cpu_memory(b, address, size, true) : NULL;
     if (memory != NULL) {
         memcpy(memory, &value, size);
         return;

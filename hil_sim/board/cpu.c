@@ -45,18 +45,21 @@ void cpu_update_break(struct board *b)
     b->break_at = look ? 0 : at;
 }
 
-void cpu_count(struct board *b, uint64_t instructions, uint64_t cycles)
+/* Charges what runs with what has been spent since the last time. */
+void cpu_settle(struct board *b)
 {
     struct running *top = &b->running[b->depth];
-    top->instructions += instructions;
-    top->cycles += cycles;
-    b->stats.instructions += instructions;
+    top->instructions += b->stats.instructions - b->settled_instructions;
+    top->cycles += b->busy_cycles - b->settled_cycles;
+    b->settled_instructions = b->stats.instructions;
+    b->settled_cycles = b->busy_cycles;
 }
 
 static void finish_block(struct board *b)
 {
     b->now += b->current.cycles;
-    cpu_count(b, b->current.instructions, b->current.cycles);
+    b->busy_cycles += b->current.cycles;
+    b->stats.instructions += b->current.instructions;
     b->it_left = b->current.it_left;
     b->current = (struct block){0};
     b->accesses = 0;
@@ -116,10 +119,16 @@ bool cpu_begin_block(struct board *b, uint32_t pc)
     finish_block(b);
     b->block_pc = pc;
     if (b->it_left == 0 && b->now >= b->break_at) {
-        events_run(b, b->now);
-        return !must_leave(b);
+        return cpu_look_up(b);
     }
     return true;
+}
+
+/* At the beginning of a block before which something may be due. False: it comes first. */
+bool cpu_look_up(struct board *b)
+{
+    events_run(b, b->now);
+    return !must_leave(b);
 }
 
 /* Called by the engine before each block. Returning early means that the block has not begun. */
@@ -286,6 +295,7 @@ void cpu_reset(struct board *b)
     b->it_left = 0;
     b->sleeping = b->locked_up = false;
     b->no_fp = true;
+    cpu_settle(b);
     b->depth = 0;
     b->running[0] = (struct running){0};
     cpu_set(b, UC_ARM_REG_XPSR_NZCVQG,

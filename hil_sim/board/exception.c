@@ -35,12 +35,13 @@ static void lock_up(struct board *b)
 static void spend(struct board *b, uint64_t cycles)
 {
     b->now += cycles;
-    cpu_count(b, 0, cycles);
+    b->busy_cycles += cycles;
 }
 
 /* Accounting: the cost of the running exception is set aside while another one runs. */
 static void begin_activation(struct board *b, unsigned exception)
 {
+    cpu_settle(b);
     b->depth++;
     b->running[b->depth] = (struct running){.exception = exception};
     b->cost[exception].activations++;
@@ -49,6 +50,7 @@ static void begin_activation(struct board *b, unsigned exception)
 
 static void end_activation(struct board *b)
 {
+    cpu_settle(b);
     const struct running *top = &b->running[b->depth];
     struct board_cost *cost = &b->cost[top->exception];
     cost->instructions += top->instructions;

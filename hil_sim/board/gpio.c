@@ -71,8 +71,39 @@ bool pin_of_timer(const struct board *b, int timer, int channel, struct board_pi
     return false;
 }
 
-static void find_line_pins(struct board *b)
+static void find_timer_output(struct board *b, struct watched *w)
 {
+    w->timer = 0;
+    for (size_t i = 0; i < ROUTES; i++) {
+        const struct route *r = &routes[i];
+        if (r->port == w->pin.port && r->pin == w->pin.number && r->signal == SIGNAL_TIMER && routed(b, r)) {
+            w->timer = r->instance;
+            w->channel = r->channel;
+            return;
+        }
+    }
+}
+
+static void find_break_pin(struct board *b, int timer)
+{
+    b->break_pin[timer] = (struct board_pin){0};
+    for (size_t i = 0; i < ROUTES; i++) {
+        const struct route *r = &routes[i];
+        if (r->signal == SIGNAL_BREAK && r->instance == timer && routed(b, r)) {
+            b->break_pin[timer] = (struct board_pin){r->port, r->pin};
+            return;
+        }
+    }
+}
+
+/* Modes and alternate functions of pins have changed. */
+static void find_routes(struct board *b)
+{
+    for (size_t i = 0; i < b->watched_count; i++) {
+        find_timer_output(b, &b->watched[i]);
+    }
+    find_break_pin(b, 1);
+    find_break_pin(b, 8);
     memset(b->usart_routed, 0, sizeof b->usart_routed);
     memset(b->can_routed, 0, sizeof b->can_routed);
     for (size_t i = 0; i < ROUTES; i++) {
@@ -89,29 +120,22 @@ static void find_line_pins(struct board *b)
 }
 
 /* Fraction of time for which the chip holds the pin high; below 0: it does not drive it. */
-static double drive(struct board *b, struct board_pin pin)
+static double drive(struct board *b, const struct watched *w)
 {
     if (!b->powered) {
         return -1;
     }
-    uint32_t mode = mode_of(b, pin);
-    if (mode == MODE_OUTPUT) {
-        return (b->gpio[pin.port - 'A'].odr >> pin.number & 1u) != 0 ? 1 : 0;
+    if (mode_of(b, w->pin) == MODE_OUTPUT) {
+        return (b->gpio[w->pin.port - 'A'].odr >> w->pin.number & 1u) != 0 ? 1 : 0;
     }
-    for (size_t i = 0; mode == MODE_ALTERNATE && i < ROUTES; i++) {
-        const struct route *r = &routes[i];
-        if (r->port == pin.port && r->pin == pin.number && r->signal == SIGNAL_TIMER && routed(b, r)) {
-            return timer_output(b, r->instance, r->channel);
-        }
-    }
-    return -1;
+    return w->timer != 0 ? timer_output(b, w->timer, w->channel) : -1;
 }
 
 void pins_update(struct board *b)
 {
     for (size_t i = 0; i < b->watched_count; i++) {
         struct watched *w = &b->watched[i];
-        double duty = drive(b, w->pin);
+        double duty = drive(b, w);
         if (duty < w->duty || duty > w->duty) {
             w->duty = duty;
             uint64_t bits;
@@ -174,13 +198,8 @@ static uint32_t input(struct board *b, int port)
 /* Level at the break input of TIM1 or TIM8: that of the pin that is routed to it, low without one. */
 bool break_level(struct board *b, int timer)
 {
-    for (size_t i = 0; i < ROUTES; i++) {
-        const struct route *r = &routes[i];
-        if (r->signal == SIGNAL_BREAK && r->instance == timer && routed(b, r)) {
-            return steady_level(b, r->port - 'A', r->pin);
-        }
-    }
-    return false;
+    const struct board_pin pin = b->break_pin[timer];
+    return pin.port != 0 && steady_level(b, pin.port - 'A', pin.number);
 }
 
 void board_set_pin(struct board *board, struct board_pin pin, enum board_level level)
@@ -199,7 +218,7 @@ void gpio_reset(struct board *b, int port)
     static const struct gpio initial[2] = {{.moder = 0xA8000000u, .pupdr = 0x64000000u},
                                            {.moder = 0x00000280u, .pupdr = 0x00000100u, .ospeedr = 0xC0u}};
     b->gpio[port] = port < 2 ? initial[port] : (struct gpio){0};
-    find_line_pins(b);
+    find_routes(b);
 }
 
 bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_t *value)
@@ -233,7 +252,7 @@ bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_
         for (int timer = 1; timer <= TIMERS; timer++) {
             timer_route_encoder(b, timer);
         }
-        find_line_pins(b);
+        find_routes(b);
         encoder_lines_schedule(b);
     }
     timer_break_update(b, 1);
@@ -245,7 +264,9 @@ bool gpio_access(struct board *b, int port, uint32_t offset, bool write, uint32_
 void board_watch_pin(struct board *board, struct board_pin pin)
 {
     if (board->watched_count < WATCHED_PINS) {
-        board->watched[board->watched_count++] = (struct watched){pin, -1};
+        struct watched *w = &board->watched[board->watched_count++];
+        *w = (struct watched){.pin = pin, .duty = -1};
+        find_timer_output(board, w);
     }
 }
 

@@ -347,6 +347,7 @@ struct board {
     uint8_t pin_in[PORTS][16];        /* enum board_level, by what is wired to the pins */
     bool usart_routed[2][USARTS + 1]; /* receivers, transmitters that a pin belongs to */
     bool can_routed[2];
+    struct board_pin break_pin[TIMERS + 1]; /* routed to a timer's break input; port 0: none */
     struct can can;
     struct timer timer[TIMERS + 1]; /* TIM1 is [1] */
     struct usart usart[USARTS + 1];
@@ -382,6 +383,7 @@ struct board {
     struct watched {
         struct board_pin pin;
         double duty;
+        int timer, channel; /* whose output is routed to it; timer 0: none */
     } watched[WATCHED_PINS];
     size_t watched_count;
     struct wired_encoder {
@@ -402,6 +404,8 @@ struct board {
         uint64_t instructions, cycles;
     } running[BOARD_EXCEPTIONS + 1];
     size_t depth;
+    uint64_t busy_cycles;                          /* that the CPU has spent with code and exceptions */
+    uint64_t settled_instructions, settled_cycles; /* of these, what `running` has been charged with */
     struct board_stats stats;
     struct warning {
         char text[80];
@@ -430,8 +434,9 @@ void cpu_reset(struct board *b);
 void cpu_run(struct board *b);
 void cpu_update_break(struct board *b);
 bool cpu_begin_block(struct board *b, uint32_t pc);
-void cpu_count(struct board *b, uint64_t instructions, uint64_t cycles);
 void cpu_engine_read_state(struct board *b);
+bool cpu_look_up(struct board *b);
+void cpu_settle(struct board *b);
 uint8_t *cpu_memory(const struct board *b, uint32_t address, size_t length, bool write);
 
 /* exception.c */

@@ -22,7 +22,8 @@ bool decode_block_transfer(struct decoder *d, unsigned base, uint32_t list, bool
     if ((list & 0xFFFFu) == 0 || (list & 1u << REG_SP) != 0) {
         return false;
     }
-    decode_emit(d, load ? op_ldm : op_stm, base, writeback, down, list);
+    const uint32_t size = 4 * (uint32_t)__builtin_popcount(list);
+    decode_emit(d, load ? op_ldm : op_stm, base, writeback, down, list | size << 16);
     if (load && (list & 1u << REG_PC) != 0) {
         decode_emit(d, op_branch_temp, 0, 0, 0, 0);
         d->ended = true;

@@ -1,7 +1,6 @@
 /* Single-precision arithmetic: decoded and executed with the host's own, wherever its result and its flags
  * are the same for sure. NaNs, infinities, results too small to be normal, other rounding modes: the engine
  * has them. */
-#include <fenv.h>
 #include <float.h>
 #include <math.h>
 
@@ -217,15 +216,16 @@ static inline bool is_sure(int kind, float x, float y, float result)
     return x == 0.0f || (kind == MULTIPLY && y == 0.0f);
 }
 
-/* With the inexact flag still clear, the host's own says whether it is to be set. */
-static __attribute__((noinline)) bool is_exact(int kind, float x, float y)
+/* Whether nothing was rounded off. What a sum lost is a number itself (Knuth's two-sum); a product of two
+ * single numbers fits a double. */
+static bool is_exact(int kind, float x, float y, float result)
 {
-    volatile float left = x;
-    volatile float right = y;
-    feclearexcept(FE_ALL_EXCEPT);
-    volatile float result = combine(kind, left, right);
-    (void)result;
-    return fetestexcept(FE_INEXACT) == 0;
+    if (kind == MULTIPLY || kind == DIVIDE) {
+        return kind == MULTIPLY ? (double)x * y == (double)result : (double)result * y == (double)x;
+    }
+    const float second = kind == ADD ? y : -y;
+    const float gained = result - x;
+    return (x - (result - gained)) + (second - gained) == 0.0f;
 }
 
 static inline void calculate(struct board *b, struct op *op, int kind, uint32_t sign)
@@ -237,7 +237,7 @@ static inline void calculate(struct board *b, struct op *op, int kind, uint32_t 
         thumb_escape(b, op);
         return;
     }
-    if ((b->core.fpscr & FPSCR_INEXACT) == 0 && !is_exact(kind, x, y)) {
+    if ((b->core.fpscr & FPSCR_INEXACT) == 0 && !is_exact(kind, x, y, result)) {
         b->core.fpscr |= FPSCR_INEXACT;
     }
     S(op->a) = word_of(result) ^ sign;

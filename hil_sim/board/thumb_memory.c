@@ -37,23 +37,28 @@ static inline uint8_t *writable(const struct board *b, uint32_t address, uint32_
     return NULL;
 }
 
-/* A load: from memory, or from a register of its own width. */
+/* A load: from memory, or from a register of its own width, which is a function of its own so that the other
+ * needs no stack. */
 #define LOAD(name, type, extend)                                                                             \
+    static __attribute__((noinline)) void name##_register(struct board *b, struct op *op)                    \
+    {                                                                                                        \
+        uint32_t word = 0;                                                                                   \
+        if (!bus_access(b, R(op->b) + op->imm, false, &word, sizeof(type))) {                                \
+            thumb_escape(b, op);                                                                             \
+            return;                                                                                          \
+        }                                                                                                    \
+        R(op->a) = (uint32_t)(extend)(type)word;                                                             \
+        NEXT;                                                                                                \
+    }                                                                                                        \
     void op_##name(struct board *b, struct op *op)                                                           \
     {                                                                                                        \
-        const uint32_t address = R(op->b) + op->imm;                                                         \
-        const uint8_t *memory = readable(b, address, sizeof(type));                                          \
+        const uint8_t *memory = readable(b, R(op->b) + op->imm, sizeof(type));                               \
         type value;                                                                                          \
-        if (memory != NULL) {                                                                                \
-            memcpy(&value, memory, sizeof value);                                                            \
-        } else {                                                                                             \
-            uint32_t word = 0;                                                                               \
-            if (!bus_access(b, address, false, &word, sizeof value)) {                                       \
-                thumb_escape(b, op);                                                                         \
-                return;                                                                                      \
-            }                                                                                                \
-            value = (type)word;                                                                              \
+        if (memory == NULL) {                                                                                \
+            name##_register(b, op);                                                                          \
+            return;                                                                                          \
         }                                                                                                    \
+        memcpy(&value, memory, sizeof value);                                                                \
         R(op->a) = (uint32_t)(extend)value;                                                                  \
         NEXT;                                                                                                \
     }
@@ -64,20 +69,24 @@ LOAD(ldrsh, int16_t, int32_t)
 LOAD(ldrsb, int8_t, int32_t)
 
 #define STORE(name, type)                                                                                    \
+    static __attribute__((noinline)) void name##_register(struct board *b, struct op *op)                    \
+    {                                                                                                        \
+        uint32_t word = (type)R(op->a);                                                                      \
+        if (!bus_access(b, R(op->b) + op->imm, true, &word, sizeof(type))) {                                 \
+            thumb_escape(b, op);                                                                             \
+            return;                                                                                          \
+        }                                                                                                    \
+        NEXT;                                                                                                \
+    }                                                                                                        \
     void op_##name(struct board *b, struct op *op)                                                           \
     {                                                                                                        \
-        const uint32_t address = R(op->b) + op->imm;                                                         \
         const type value = (type)R(op->a);                                                                   \
-        uint8_t *memory = writable(b, address, sizeof value);                                                \
-        if (memory != NULL) {                                                                                \
-            memcpy(memory, &value, sizeof value);                                                            \
-        } else {                                                                                             \
-            uint32_t word = value;                                                                           \
-            if (!bus_access(b, address, true, &word, sizeof value)) {                                        \
-                thumb_escape(b, op);                                                                         \
-                return;                                                                                      \
-            }                                                                                                \
+        uint8_t *memory = writable(b, R(op->b) + op->imm, sizeof value);                                     \
+        if (memory == NULL) {                                                                                \
+            name##_register(b, op);                                                                          \
+            return;                                                                                          \
         }                                                                                                    \
+        memcpy(memory, &value, sizeof value);                                                                \
         NEXT;                                                                                                \
     }
 STORE(str, uint32_t)
@@ -135,10 +144,11 @@ void op_strd(struct board *b, struct op *op)
     NEXT;
 }
 
-/* Registers of the list imm, from the base a up, or below it where c is set; b: the base follows. */
+/* Registers of the list that imm begins with, and after it their size in bytes, from the base a up, or below
+ * it where c is set; b: the base follows. */
 void op_ldm(struct board *b, struct op *op)
 {
-    const uint32_t size = 4 * (uint32_t)__builtin_popcount(op->imm);
+    const uint32_t size = op->imm >> 16;
     const uint32_t address = op->c != 0 ? R(op->a) - size : R(op->a);
     const uint8_t *memory = readable(b, address, size);
     const bool to_pc = (op->imm & 1u << REG_PC) != 0;
@@ -149,7 +159,7 @@ void op_ldm(struct board *b, struct op *op)
     if (op->b != 0) {
         R(op->a) = op->c != 0 ? address : address + size;
     }
-    for (uint32_t left = op->imm & ~(1u << REG_PC); left != 0; left &= left - 1) {
+    for (uint32_t left = op->imm & 0x7FFFu; left != 0; left &= left - 1) {
         R(__builtin_ctz(left)) = word_at(memory);
         memory += 4;
     }
@@ -161,14 +171,14 @@ void op_ldm(struct board *b, struct op *op)
 
 void op_stm(struct board *b, struct op *op)
 {
-    const uint32_t size = 4 * (uint32_t)__builtin_popcount(op->imm);
+    const uint32_t size = op->imm >> 16;
     const uint32_t address = op->c != 0 ? R(op->a) - size : R(op->a);
     uint8_t *memory = writable(b, address, size);
     if (memory == NULL || address % 4 != 0) {
         thumb_escape(b, op);
         return;
     }
-    for (uint32_t left = op->imm; left != 0; left &= left - 1) {
+    for (uint32_t left = op->imm & 0xFFFFu; left != 0; left &= left - 1) {
         put_word(memory, R(__builtin_ctz(left)));
         memory += 4;
     }

@@ -290,7 +290,18 @@ static void write_register(struct board *b, int timer, uint32_t offset, uint32_t
     }
     timer_update_line(b, timer);
     timer_schedule(b, timer);
-    pins_update(b);
+    if (offset != 0x0C && offset != 0x10) { /* enabling and clearing requests changes no output */
+        pins_update(b);
+    }
+}
+
+/* A register that reads as it stands. */
+static uint32_t plain_register(const struct timer *t, uint32_t offset)
+{
+    const uint32_t plain[] = {t->cr1,     t->cr2,    t->smcr,   t->dier, t->sr,  0,      t->ccmr[0],
+                              t->ccmr[1], t->ccer,   0,         t->psc,  t->arr, t->rcr, t->ccr[0],
+                              t->ccr[1],  t->ccr[2], t->ccr[3], t->bdtr, t->dcr, 0,      t->option};
+    return plain[offset / 4];
 }
 
 static uint32_t read_register(struct board *b, int timer, uint32_t offset)
@@ -300,9 +311,6 @@ static uint32_t read_register(struct board *b, int timer, uint32_t offset)
         timer_sync(b, timer);
         clock_capture_sync(b);
     }
-    const uint32_t plain[] = {t->cr1,     t->cr2,    t->smcr,   t->dier, t->sr,  0,      t->ccmr[0],
-                              t->ccmr[1], t->ccer,   0,         t->psc,  t->arr, t->rcr, t->ccr[0],
-                              t->ccr[1],  t->ccr[2], t->ccr[3], t->bdtr, t->dcr, 0,      t->option};
     if (offset == 0x24 || offset == 0x10 || offset == 0x00) {
         timer_sync(b, timer);
         if (offset == 0x10) {
@@ -327,7 +335,7 @@ static uint32_t read_register(struct board *b, int timer, uint32_t offset)
         }
         return t->ccr[channel];
     }
-    return plain[offset / 4];
+    return plain_register(t, offset);
 }
 
 bool timer_access(struct board *b, int timer, uint32_t offset, bool write, uint32_t *value)
