@@ -58,6 +58,7 @@ struct decoder {
     uint32_t count;
     uint8_t itstate; /* that the instruction under way executes with */
     bool fp_begun;   /* an instruction before this one has used the FP registers */
+    bool after_it;   /* the instruction before may have been skipped */
     bool ended;      /* the instruction under way is the block's last */
     struct op ops[BLOCK_OPS];
 };
@@ -106,7 +107,9 @@ bool decode_load_pc(struct decoder *d, unsigned base, uint32_t offset, uint32_t 
 /* A shift whose carry alone goes to the flags is named _c. */
 #define DECLARE_SHIFT(name)                                                                                  \
     op_function op_##name, op_##name##_i, op_##name##_s, op_##name##_s_i, op_##name##_c_i;
-#define DECLARE_CONDITION(name, holds) op_function op_b_##name, op_skip_unless_##name;
+/* A comparison and the branch behind it are one operation. */
+#define DECLARE_CONDITION(name, holds)                                                                       \
+    op_function op_b_##name, op_skip_unless_##name, op_cmp_b_##name, op_cmp_i_b_##name;
 OPS_WITH_TWO_OPERANDS(DECLARE_TWO)
 OPS_THAT_COMPARE(DECLARE_COMPARE)
 OPS_THAT_SHIFT(DECLARE_SHIFT)
@@ -116,14 +119,23 @@ op_function op_set_carry, op_address, op_nop, op_mul, op_muls, op_mla, op_mls, o
     op_msr_basepri, op_cps, op_ldr, op_ldrh, op_ldrb, op_ldrsh, op_ldrsb, op_str, op_strh, op_strb, op_ldr_pc,
     op_ldrd, op_strd, op_ldm, op_stm, op_jump, op_branch_temp, op_bx, op_blx, op_tbb, op_tbh, op_cbz, op_cbnz,
     op_wfi, op_fp_begin, op_fadd, op_fsub, op_fmul, op_fnmul, op_fdiv, op_fneg, op_fabs, op_fmov, op_fmov_i,
-    op_fcmp, op_fcmp_zero, op_f_from_s, op_f_from_u, op_f_to_s, op_f_to_u, op_f_from_core, op_f_to_core,
-    op_vmrs, op_vmrs_flags, op_vldr, op_vstr, op_vldm, op_vstm;
+    op_fcmp, op_fcmp_zero, op_fcmp_to_flags, op_fcmp_zero_to_flags, op_f_from_s, op_f_from_u, op_f_to_s,
+    op_f_to_u, op_f_from_core, op_f_to_core, op_vmrs, op_vmrs_flags, op_vldr, op_vstr, op_vldm, op_vstm;
 CONDITIONS(DECLARE_CONDITION)
 
 static inline void set_nz(struct board *b, uint32_t result)
 {
     b->core.negative = result;
     b->core.zero = result;
+}
+
+static inline uint32_t difference_with_flags(struct board *b, uint32_t x, uint32_t y)
+{
+    const uint32_t result = x - y;
+    set_nz(b, result);
+    b->core.carry = x >= y;
+    b->core.overflow = (x ^ y) & (x ^ result);
+    return result;
 }
 
 #endif

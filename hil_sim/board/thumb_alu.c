@@ -11,15 +11,6 @@ static inline uint32_t sum_with_flags(struct board *b, uint32_t x, uint32_t y)
     return result;
 }
 
-static inline uint32_t difference_with_flags(struct board *b, uint32_t x, uint32_t y)
-{
-    const uint32_t result = x - y;
-    set_nz(b, result);
-    b->core.carry = x >= y;
-    b->core.overflow = (x ^ y) & (x ^ result);
-    return result;
-}
-
 static inline uint32_t sum_with_carry(struct board *b, uint32_t x, uint32_t y)
 {
     const uint64_t wide = (uint64_t)x + y + b->core.carry;

@@ -102,9 +102,17 @@ op_function *decode_unless(unsigned condition)
 /* Followed by the jumps for both cases. */
 void decode_branch_if(struct decoder *d, unsigned condition, uint32_t target)
 {
-#define BRANCH(name, holds) op_b_##name,
+#define BRANCH(name, holds)  op_b_##name,
+#define COMPARE(name, holds) {op_cmp_b_##name, op_cmp_i_b_##name},
     static op_function *const branches[] = {CONDITIONS(BRANCH)};
-    decode_emit(d, branches[condition], 0, 0, 0, 0);
+    static op_function *const comparisons[][2] = {CONDITIONS(COMPARE)};
+    struct op *last = d->count != 0 ? &d->ops[d->count - 1] : NULL;
+    const bool compares = last != NULL && !d->after_it && (last->run == op_cmp || last->run == op_cmp_i);
+    if (compares) {
+        last->run = comparisons[condition][last->run == op_cmp_i ? 1 : 0];
+    } else {
+        decode_emit(d, branches[condition], 0, 0, 0, 0);
+    }
     decode_emit(d, op_jump, 0, 0, 0, target);
     decode_jump(d, d->pc + d->size);
 }
@@ -164,6 +172,7 @@ static bool decode_conditional(struct decoder *d, uint32_t op)
 static bool decode(struct decoder *d, uint32_t room)
 {
     uint32_t next = d->first;
+    bool was_in_it = false;
     for (unsigned instructions = 0; !d->ended; instructions++) {
         d->pc = next;
         const uint32_t at = d->pc - d->first;
@@ -173,6 +182,8 @@ static bool decode(struct decoder *d, uint32_t room)
         const uint32_t op = half_word(d->code + at);
         d->size = is_wide(op) ? 4 : 2;
         const bool in_it = decode_in_it(d);
+        d->after_it = was_in_it;
+        was_in_it = in_it;
         next = d->pc + d->size;
         if (is_it(op)) {
             if (in_it) {

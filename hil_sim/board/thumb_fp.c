@@ -101,6 +101,12 @@ static bool move(struct decoder *d, uint32_t high, uint32_t low)
 {
     const unsigned rt = low >> 12;
     if (high == 0xEEF1u && (low & 0xFFFu) == 0xA10u) {
+        struct op *last = d->count != 0 ? &d->ops[d->count - 1] : NULL;
+        const bool apart = last == NULL || d->after_it || decode_in_it(d) || rt != REG_PC;
+        if (!apart && (last->run == op_fcmp || last->run == op_fcmp_zero)) {
+            last->run = last->run == op_fcmp ? op_fcmp_to_flags : op_fcmp_zero_to_flags;
+            return true;
+        }
         emit_fp(d, rt == REG_PC ? op_vmrs_flags : op_vmrs, rt, 0, 0, 0);
         return rt != REG_SP;
     }
@@ -293,25 +299,56 @@ void op_fmov_i(struct board *b, struct op *op)
     NEXT;
 }
 
-static inline void compare(struct board *b, struct op *op, float x, float y)
+/* False: the engine has to compare. */
+static inline bool compare(struct board *b, struct op *op, float x, float y)
 {
     if (isnan(x) || isnan(y) || (b->core.fpscr & FPSCR_MODES) != 0) {
         thumb_escape(b, op);
-        return;
+        return false;
     }
     const uint32_t flags = x < y ? FPSCR_NEGATIVE : x == y ? FPSCR_EQUAL : FPSCR_GREATER;
     b->core.fpscr = (b->core.fpscr & ~FPSCR_FLAGS) | flags;
-    NEXT;
+    return true;
+}
+
+static inline void copy_flags(struct board *b)
+{
+    const uint32_t fpscr = b->core.fpscr;
+    b->core.negative = fpscr;
+    b->core.zero = (fpscr >> 30 & 1u) ^ 1u;
+    b->core.carry = fpscr >> 29 & 1u;
+    b->core.overflow = fpscr << 3;
 }
 
 void op_fcmp(struct board *b, struct op *op)
 {
-    compare(b, op, number(S(op->a)), number(S(op->c)));
+    if (compare(b, op, number(S(op->a)), number(S(op->c)))) {
+        NEXT;
+    }
 }
 
 void op_fcmp_zero(struct board *b, struct op *op)
 {
-    compare(b, op, number(S(op->a)), 0.0f);
+    if (compare(b, op, number(S(op->a)), 0.0f)) {
+        NEXT;
+    }
+}
+
+/* With the VMRS that follows nearly always. */
+void op_fcmp_to_flags(struct board *b, struct op *op)
+{
+    if (compare(b, op, number(S(op->a)), number(S(op->c)))) {
+        copy_flags(b);
+        NEXT;
+    }
+}
+
+void op_fcmp_zero_to_flags(struct board *b, struct op *op)
+{
+    if (compare(b, op, number(S(op->a)), 0.0f)) {
+        copy_flags(b);
+        NEXT;
+    }
 }
 
 static inline void from_integer(struct board *b, struct op *op, double integer)
@@ -380,10 +417,6 @@ void op_vmrs(struct board *b, struct op *op)
 
 void op_vmrs_flags(struct board *b, struct op *op)
 {
-    const uint32_t fpscr = b->core.fpscr;
-    b->core.negative = fpscr;
-    b->core.zero = (fpscr >> 30 & 1u) ^ 1u;
-    b->core.carry = fpscr >> 29 & 1u;
-    b->core.overflow = fpscr << 3;
+    copy_flags(b);
     NEXT;
 }

@@ -85,7 +85,11 @@ void op_tbh(struct board *b, struct op *op)
 static inline void choose(struct board *b, struct op *op, bool taken)
 {
     op += taken ? 1 : 2;
-    op->run(b, op);
+    if (op->run == op_linked_jump) { /* a test is cheaper than a call that has to be predicted */
+        op_linked_jump(b, op);
+    } else {
+        op_jump(b, op);
+    }
 }
 
 void op_cbz(struct board *b, struct op *op)
@@ -109,6 +113,19 @@ void op_cbnz(struct board *b, struct op *op)
         op->run(b, op);                                                                                      \
     }
 CONDITIONS(CONDITIONAL)
+
+#define COMPARE_AND_BRANCH(name, holds)                                                                      \
+    void op_cmp_b_##name(struct board *b, struct op *op)                                                     \
+    {                                                                                                        \
+        difference_with_flags(b, R(op->b), R(op->c));                                                        \
+        choose(b, op, holds);                                                                                \
+    }                                                                                                        \
+    void op_cmp_i_b_##name(struct board *b, struct op *op)                                                   \
+    {                                                                                                        \
+        difference_with_flags(b, R(op->b), op->imm);                                                         \
+        choose(b, op, holds);                                                                                \
+    }
+CONDITIONS(COMPARE_AND_BRANCH)
 
 void op_wfi(struct board *b, struct op *op)
 {
