@@ -7,12 +7,18 @@ import doctest
 import importlib
 import io
 import json
+import pickle
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from support.console import difference
+from truing.api import diagnosing
+from truing.diagnose.diagnosis_input import Options
+from truing.diagnose.result import Diagnosis
+from truing.recording.run import RecordingSet
 
 ROOT = Path(__file__).parents[2]
 MODULES = ("reading", "identifying", "simulating", "exporting", "diagnosing")
@@ -35,6 +41,23 @@ def run(test: doctest.DocTest) -> int:
     failed, tried = runner.run(test, out=said.write)
     assert not failed, said.getvalue()
     return tried
+
+
+@pytest.fixture(scope="module", autouse=True)
+def diagnosed_once() -> Iterator[None]:
+    """Examples that diagnose the same recordings with the same options share it: each takes 6 s."""
+    made: dict[bytes, Diagnosis] = {}
+    diagnose = diagnosing.diagnose_recordings
+
+    def once(recordings: RecordingSet, options: Options, *more: Any) -> Diagnosis:
+        key = pickle.dumps((recordings, options))
+        if key not in made:
+            made[key] = diagnose(recordings, options, *more)
+        return made[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(diagnosing, "diagnose_recordings", once)
+        yield
 
 
 @pytest.fixture(autouse=True)
