@@ -7,7 +7,7 @@
 #include <unicorn/unicorn.h>
 
 #include "board.h"
-#include "registers.h"
+#include "cpu_registers.h"
 
 enum {
     FLASH_BASE = 0x08000000,
@@ -424,7 +424,7 @@ void event_at_ps(struct board *b, unsigned id, uint64_t ps);
 void event_cancel(struct board *b, unsigned id);
 void events_run(struct board *b, uint64_t until);
 
-/* registers.c */
+/* cpu_registers.c */
 uint32_t cpu_get(struct board *b, int reg);
 void cpu_set(struct board *b, int reg, uint32_t value);
 

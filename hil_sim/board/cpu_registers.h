@@ -1,6 +1,6 @@
 /* The CPU's registers as the interpreter keeps them, and their way into the engine and back. */
-#ifndef BOARD_REGISTERS_H
-#define BOARD_REGISTERS_H
+#ifndef BOARD_CPU_REGISTERS_H
+#define BOARD_CPU_REGISTERS_H
 
 #include <stdbool.h>
 #include <stdint.h>
