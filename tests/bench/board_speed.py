@@ -109,7 +109,7 @@ class Drive:
 
 NAMES = {
     Phase.OUTSIDE: "Python",
-    Phase.CODE: "code, translated and run",
+    Phase.CODE: "code",
     Phase.INTERRUPTS: "interrupts",
     Phase.PERIPHERALS: "peripherals",
     Phase.PLANT: "plant",
@@ -135,13 +135,13 @@ def _sampled(robot: VirtualRobot) -> Iterator[Counter[Phase]]:
         thread.join()
 
 
-def _shares(counts: Counter[Phase], translation: float) -> dict[str, float]:
-    """Shares of the time; `translation` is taken out of that of the code."""
+def _shares(counts: Counter[Phase], decoding: float) -> dict[str, float]:
+    """Shares of the time; `decoding`, which code takes the first time, is taken out of that of the code."""
     total = counts.total() or 1
     shares = {NAMES[phase]: counts[phase] / total for phase in Phase}
     code = shares.pop(NAMES[Phase.CODE])
-    translated = min(translation, code)
-    return {"translation": translated, "translated code": code - translated, **shares}
+    first = min(decoding, code)
+    return {"decoding": first, "code": code - first, **shares}
 
 
 def _print_shares(demo: Drive, full: Drive) -> None:
@@ -163,7 +163,7 @@ def _broken_frame() -> bytes:
 
 
 def _demo(image: Path) -> Drive:
-    """From power-on to the sequence's end; then the same drive with all code translated."""
+    """From power-on to the sequence's end; then the same drive with all code decoded."""
     plan = load_plan(PLAN)
     began = time.process_time()
     with VirtualRobot(image) as robot, Device(Client(VirtualStream(robot))) as device:
