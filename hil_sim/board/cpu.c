@@ -411,7 +411,8 @@ static void run_engine(struct board *b)
     b->resumes = false;
     const uint32_t pc = b->core.r[REG_PC];
     if (b->it_left == 0) { /* the engine's own may be out of date */
-        core_set_itstate(&b->core, thumb_itstate(b, b->block_pc, 0, pc));
+        const bool inside = pc - b->block_pc < CODE_PAGE;
+        core_set_itstate(&b->core, inside ? thumb_itstate(b, b->block_pc, 0, pc) : 0);
     }
     if (b->at_block && !b->fault_seen) {
         return;

@@ -136,19 +136,31 @@ static uint32_t engine_get(struct board *b, int reg)
     return value;
 }
 
+/* Some of these cost the engine its translation cache, and seldom change. */
+static void engine_change(struct board *b, int reg, uint32_t value)
+{
+    if (engine_get(b, reg) != value) {
+        engine_set(b, reg, value);
+    }
+}
+
 /* The engine takes SPSEL in thread mode alone, and any of these in a privileged mode alone. */
 static void modes_to_engine(struct board *b)
 {
-    const struct core *core = &b->core;
-    engine_set(b, UC_ARM_REG_XPSR_NZCVQG, XPSR_T | EXC_NMI);
-    engine_set(b, UC_ARM_REG_CONTROL, 0);
-    engine_set(b, UC_ARM_REG_PRIMASK, core->primask);
-    engine_set(b, UC_ARM_REG_BASEPRI, core->basepri);
-    engine_set(b, UC_ARM_REG_FAULTMASK, core->faultmask);
-    engine_set(b, UC_ARM_REG_MSP, *stack_pointer(&b->core, false));
-    engine_set(b, UC_ARM_REG_PSP, *stack_pointer(&b->core, true));
-    engine_set(b, UC_ARM_REG_XPSR_NZCVQG, XPSR_T);
-    engine_set(b, UC_ARM_REG_CONTROL, core->control);
+    struct core *core = &b->core;
+    const uint32_t privileged = XPSR_T | EXC_NMI;
+    engine_set(b, UC_ARM_REG_XPSR_NZCVQG, privileged);
+    if (engine_get(b, UC_ARM_REG_CONTROL) != core->control) {
+        engine_set(b, UC_ARM_REG_CONTROL, 0);
+        engine_set(b, UC_ARM_REG_XPSR_NZCVQG, XPSR_T);
+        engine_set(b, UC_ARM_REG_CONTROL, core->control);
+        engine_set(b, UC_ARM_REG_XPSR_NZCVQG, privileged);
+    }
+    engine_change(b, UC_ARM_REG_PRIMASK, core->primask);
+    engine_change(b, UC_ARM_REG_BASEPRI, core->basepri);
+    engine_change(b, UC_ARM_REG_FAULTMASK, core->faultmask);
+    engine_change(b, UC_ARM_REG_MSP, *stack_pointer(core, false));
+    engine_change(b, UC_ARM_REG_PSP, *stack_pointer(core, true));
     engine_set(b, UC_ARM_REG_XPSR_NZCVQG, core_xpsr(core));
 }
 
