@@ -226,8 +226,11 @@ static inline bool is_sure(int kind, float x, float y, float result)
  * single numbers fits a double. */
 static bool is_exact(int kind, float x, float y, float result)
 {
-    if (kind == MULTIPLY || kind == DIVIDE) {
-        return kind == MULTIPLY ? (double)x * y == (double)result : (double)result * y == (double)x;
+    if (kind == MULTIPLY) {
+        return (double)x * y == (double)result;
+    }
+    if (kind == DIVIDE) { /* zero by infinity too */
+        return x == 0.0f || (double)result * y == (double)x;
     }
     const float second = kind == ADD ? y : -y;
     const float gained = result - x;

@@ -129,7 +129,9 @@ def _differs(one, other, seed: int) -> bool:
 
 def test_random_code_leaves_the_same_registers_memory_and_cycles(board):
     one, other = board("random_code"), board("random_code")
-    different = [seed for seed in range(250) if _differs(one, other, seed)]
+    # Beyond the first thousand: zero divided by infinity; IT blocks before a fault.
+    seeds = (*range(1000), 50277, 1123, 2979, 5271, 14659)
+    different = [seed for seed in seeds if _differs(one, other, seed)]
     assert different == []
 
 
