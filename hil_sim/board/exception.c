@@ -137,7 +137,7 @@ static unsigned stack_fault(struct board *b, uint32_t cfsr, int interrupted)
 }
 
 /* Which exception begins when its frame could not be stacked: the more urgent one of it and the fault; the
- * other waits. The bus fault's own handler runs all the same (PM0214 section 2.4.3); the hard fault's cannot.
+ * other waits. The bus fault's own handler runs all the same (PM0214 section 2.4.2); the hard fault's cannot.
  */
 static unsigned after_stack_error(struct board *b, unsigned exception)
 {

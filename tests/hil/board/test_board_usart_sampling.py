@@ -27,7 +27,8 @@ def heard(board):
 
 
 @pytest.mark.parametrize("off", [-0.0375, -0.033, 0.033, 0.0375])
-def test_a_receiver_bears_what_table_140_says(heard, off):
+def test_three_samples_of_sixteen_bear_3_75_per_cent(heard, off):
+    """RM0090 section 30.3.5, where the divider has no fraction; with one the chip bears 3.33."""
     received, framing, _, data = heard(off)
     assert (received, framing, data) == (len(DATA), 0, DATA)
 
