@@ -229,10 +229,17 @@ def test_the_next_experiment_is_driven_and_joins_the_set(page, rig):
         "[[segment]]\nduration_s = 1.0\neffort = [0.0, 0.0]\n"
     )
     shown = {"heading": "Physics is missing", "sections": [["Verdict", ["Two effects."]]], "has_next": True}
+    shown["finding"] = "Right wheel: its encoder loses counts, or its motor is not like the left one's."
+    shown["stretches"] = [{"run": "02_straight", "span": [1.0, 2.5], "text": "02_straight, 1.0 to 2.5 s"}]
     (folder / "pages/recordings-own.json").write_text(json.dumps(shown | {"heat": None}))
     go(page, "6", "Analysis")
     choose(page, "Set", "recordings/own")
-    page.get_by_text("Physics is missing").wait_for()
+    page.get_by_text("Right wheel: its encoder loses counts", exact=False).wait_for()
+    page.get_by_role("button", name="02_straight, 1.0 to 2.5 s").click()
+    wait(lambda: page.get_by_label("Run", exact=True).input_value() == "02_straight", "the run")
+    wait(lambda: page.get_by_label("from, s").input_value() == "1", "the stretch")
+    shaded = "document.querySelector('.js-plotly-plot').layout.shapes.map(s => [s.x0, s.x1, s.fillcolor])"
+    wait(lambda: [1, 2.5, "#ff7b7b"] in page.evaluate(shaded), "its mark in the chart")
     run_to_the_end(page, lambda: start_run(page, "Run the next experiment"))
     added = own / "runs/04_next.csv"
     assert added.is_file()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,7 @@ class _AnalysisPage:
         self._busy = False
         self._again = False
         self._filling = False
+        self.stretches: list[dict[str, Any]] = []
         self._shown: Path | None = None
         self.unreadable = False
 
@@ -131,8 +133,8 @@ class _AnalysisPage:
     def chose(self) -> None:
         """Show another run."""
         self.span = None
-        self.draw()
         self.show_diagnosis()
+        self.draw()
 
     def set_drag(self, what: str) -> None:
         """Set whether dragging zooms or selects."""
@@ -211,6 +213,9 @@ class _AnalysisPage:
             "span": span,
             "linked": self.linked,
             "select": self.select,
+            "marks": [
+                one["span"] for one in self.stretches if self.runs.run and one["run"] == self.runs.run.stem
+            ],
         }
 
     def draw(self) -> None:
@@ -346,23 +351,37 @@ class _AnalysisPage:
         except (OSError, ValueError):
             content = None
         self.heat = (content or {}).get("heat")
+        self.stretches = (content or {}).get("stretches", [])
         self._show_figure()
         with self.verdict:
             if content is None:
                 tag("p", "This set has not been diagnosed yet.", "dim note")
                 return
-            tag("p", content["heading"], "verdict")
+            tag("p", content.get("finding") or content["heading"], "verdict")
+            with tag("div", classes="row-tight"):
+                if content["has_next"]:
+                    button("Run the next experiment", self.run_next, strong=True)
+                tag("a", "Adjust in Error models", "plain-link", href="/models")
+                address = f"/diagnoses/{result.with_suffix('.html').name}"
+                tag("a", "Report", "plain-link", href=address, target="_blank", rel="noopener")
+            if self.stretches:
+                tag("p", "Where it shows (red in the chart):", "note dim")
+            for stretch in self.stretches:
+                button(stretch["text"], partial(self.show_stretch, stretch)).classes("evidence")
             for title, lines in content["sections"]:
                 with tag("details", **({"open": "open"} if title == "Verdict" else {})):
                     tag("summary", title)
                     for line in lines:
                         tag("p", line, "note")
-            with tag("div", classes="row-tight"):
-                address = f"/diagnoses/{result.with_suffix('.html').name}"
-                tag("a", "Report", "plain-link", href=address, target="_blank", rel="noopener")
-                tag("a", "Adjust in Error models", "plain-link", href="/models")
-                if content["has_next"]:
-                    button("Run the next experiment", self.run_next, strong=True)
+
+    def show_stretch(self, stretch: dict[str, Any]) -> None:
+        """Show a stretch of a run that the finding is about."""
+        if not self.runs.show(stretch["run"]):
+            notify(f"{stretch['run']} is no longer in this set", good=False)
+            return
+        self.span = (float(stretch["span"][0]), float(stretch["span"][1]))
+        self.show_span()
+        self.draw()
 
     def run_next(self) -> None:
         """Show the plan that distinguishes the explanations, and run it; its run is added to the set."""

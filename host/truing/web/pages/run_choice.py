@@ -79,6 +79,17 @@ class RunChoice:
         self._fill_runs(home, home.runs[0])
         self._chose_run()
 
+    def show(self, name: str) -> bool:
+        """Select a run of the set by its name; False if there is none."""
+        home = self.home
+        path = None if home is None else next((one for one in home.runs if one.stem == name), None)
+        if home is None or path is None:
+            return False
+        if path != self.run:
+            self._fill_runs(home, path)
+            self._chose_run()
+        return True
+
     def _fill_runs(self, home: FoundSet, chosen: Path) -> None:
         """List the runs by name, not by path.
 

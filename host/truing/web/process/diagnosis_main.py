@@ -47,6 +47,7 @@ def _diagnose(runs: Path, target: Path, progress: Any) -> None:
     from truing.diagnose.present.text import HEADINGS, sections
     from truing.recording.writer import replace_file
     from truing.web.views.figures import dark_theme
+    from truing.web.views.finding import finding, stretches
 
     progress(0.0)
     recordings = read_input(runs, None)
@@ -57,6 +58,8 @@ def _diagnose(runs: Path, target: Path, progress: Any) -> None:
     page = {
         "runs": str(runs),
         "heading": HEADINGS[found.verdict],
+        "finding": finding(found),
+        "stretches": stretches(found),
         "sections": [[section.title, list(section.lines)] for section in sections(found, board=True)],
         "heat": None if heat is None else dark_theme(heat),
         "has_next": found.next_experiment is not None,

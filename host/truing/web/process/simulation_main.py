@@ -65,7 +65,7 @@ def _set_of(path: Path) -> list[Run]:
 
 
 def _analyse(request: dict[str, Any]) -> dict[str, Any]:
-    """Needs `run`, the `signals` to draw, the `span` of the statistics, `linked` and `select`."""
+    """Needs `run`, the `signals` to draw, the `span` of the statistics, `linked`, `select`, `marks`."""
     from truing.web.runs.library import baseline_of
     from truing.web.views.analysis import analysis_content
 
@@ -77,6 +77,7 @@ def _analyse(request: dict[str, Any]) -> dict[str, Any]:
         _span(request),
         linked=request["linked"],
         select=request["select"],
+        marks=[(float(first), float(last)) for first, last in request.get("marks", [])],
     )
 
 

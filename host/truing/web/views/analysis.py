@@ -19,6 +19,7 @@ from truing.recording.baseline import Baseline
 from truing.recording.run import WHEELS, Run
 from truing.web.views.figures import COLOURS, Line, Panel, panels
 
+SELECTED, MARKED = "#5ccfe6", "#ff7b7b"
 USUAL = ("speed_left", "speed_right", "effort_left", "effort_right")
 _KNOWN = {
     "effort": ("% effort", 100.0),
@@ -74,6 +75,7 @@ def analysis_content(
     *,
     linked: bool,
     select: bool,
+    marks: Sequence[tuple[float, float]] = (),
 ) -> dict[str, Any]:
     """Figure, statistics and steps of a run, as plain lists and text.
 
@@ -81,6 +83,7 @@ def analysis_content(
     ----------
     selected : names of the signals to draw.
     span : start and end of the statistics, s; None: the full run.
+    marks : stretches that a diagnosis is about, s.
     """
     signals = signals_of(run, baseline)
     drawn = [signal for signal in signals if signal.name in selected]
@@ -95,13 +98,16 @@ def analysis_content(
         units.setdefault(signal.unit, []).append(Line(signal.name, run.t_s, signal.values, colour, dash))
     parts = [Panel(unit, lines) for unit, lines in units.items()]
     figure = panels(parts, linked=linked, select=select, revision=run.name)
+    shaded = [(*mark, MARKED, 0.16) for mark in marks]
     if span is not None:
-        figure["layout"]["shapes"] = [
-            {
-                "type": "rect", "xref": "x", "yref": "paper", "x0": span[0], "x1": span[1], "y0": 0, "y1": 1,
-                "fillcolor": "#5ccfe6", "opacity": 0.08, "line": {"width": 0},
-            }
-        ]  # fmt: skip
+        shaded.append((*span, SELECTED, 0.08))
+    figure["layout"]["shapes"] = [
+        {
+            "type": "rect", "xref": "x", "yref": "paper", "x0": first, "x1": last, "y0": 0, "y1": 1,
+            "fillcolor": colour, "opacity": opacity, "line": {"width": 0},
+        }
+        for first, last, colour, opacity in shaded
+    ]  # fmt: skip
     return {
         "signals": [{"name": signal.name, "unit": signal.unit} for signal in signals],
         "figure": figure,
