@@ -238,7 +238,8 @@ def test_the_next_experiment_is_driven_and_joins_the_set(page, rig):
     page.get_by_role("button", name="02_straight, 1.0 to 2.5 s").click()
     wait(lambda: page.get_by_label("Run", exact=True).input_value() == "02_straight", "the run")
     wait(lambda: page.get_by_label("from, s").input_value() == "1", "the stretch")
-    shaded = "document.querySelector('.js-plotly-plot').layout.shapes.map(s => [s.x0, s.x1, s.fillcolor])"
+    shapes = "document.querySelector('.js-plotly-plot').layout?.shapes ?? []"
+    shaded = f"({shapes}).map(s => [s.x0, s.x1, s.fillcolor])"
     wait(lambda: [1, 2.5, "#ff7b7b"] in page.evaluate(shaded), "its mark in the chart")
     run_to_the_end(page, lambda: start_run(page, "Run the next experiment"))
     added = own / "runs/04_next.csv"
