@@ -28,6 +28,19 @@ def test_no_page_has_a_serious_fault_of_access_or_scrolls_sideways(browser, rig,
     assert not problems
 
 
+_LINKS_IN_SIGHT = """() => [...document.querySelectorAll('nav a')].filter(link => {
+    const own = link.getBoundingClientRect(), bar = link.parentElement.getBoundingClientRect();
+    return own.left >= bar.left - 1 && own.right <= Math.min(bar.right, innerWidth) + 1;
+}).map(link => link.dataset.page)"""
+
+
+def test_every_page_is_in_sight_in_the_bar_down_to_900_pixels(page):
+    for width in (1280, 1024, 900):
+        page.set_viewport_size({"width": width, "height": 720})
+        wait(lambda: len(page.evaluate(_LINKS_IN_SIGHT)) == 7, f"all pages in the bar at {width} pixels")
+        assert page.evaluate("document.documentElement.scrollHeight") <= 721
+
+
 def handshake(address, path, **headers):
     """A web socket asked for by hand: the connection, and the first line of the answer."""
     parts = urlsplit(address)

@@ -56,7 +56,7 @@ class RunPreview:
 
     def _content(self, request: RunRequest, found: RunForecast) -> None:
         tag("h2", "Before the robot moves")
-        tag("p", f"{request.label}: {request.plan.title}", style="margin:0")
+        tag("p", request.plan.title, style="margin:0")
         with tag("div", classes="preview-map"):
             top = TopView("The path that the plan commands, from where the robot stands", "live", fitted=True)
             path = {"points": found.path.round(3).tolist(), "colour": _COLOUR, "name": "", "title": "planned"}

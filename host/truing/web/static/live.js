@@ -141,8 +141,9 @@ class Live {
     const parts = document.querySelectorAll(".bar-top, .fault-banner");
     if (parts.length < 2) { setTimeout(() => this._watchHeight(), 50); return; }
     const measure = () => {
-      const height = [...parts].reduce((sum, part) => sum + part.offsetHeight, 0);
-      document.documentElement.style.setProperty("--top", `${height}px`);
+      const [bar, banner] = [...parts].map((part) => part.offsetHeight), style = document.documentElement.style;
+      style.setProperty("--bar", `${bar}px`);
+      style.setProperty("--top", `${bar + banner}px`);
     };
     const observer = new ResizeObserver(measure);
     parts.forEach((part) => observer.observe(part));
@@ -150,7 +151,7 @@ class Live {
 
   _showLink(link) {
     document.body.dataset.link = link.state;
-    this._write("link", link.virtual ? `virtual robot ${link.state}` : link.state);
+    this._write("link", link.virtual ? (link.state === "connected" ? "virtual robot" : `virtual robot: ${link.state}`) : link.state);
     this._write("link-message", link.message);
     this._write("link-next", link.next ? "Next: " + link.next : "");
     this._write("board-name", link.board ? (link.virtual ? "virtual " : "") + link.board : "no board");
