@@ -116,6 +116,20 @@ def test_a_file_of_a_known_program_is_imported_as_on_the_command_line(tmp_path):
     assert found["findings"]
 
 
+def test_a_bag_with_body_speeds_asks_for_the_wheelbase_and_takes_it(tmp_path):
+    pytest.importorskip("rosbags")
+    from host.test_import_bags import write_drive
+
+    bag = write_drive(tmp_path, "ros1").read_bytes()
+    asked = stored(tmp_path, "drive.bag", bag)
+    assert asked["ask"] == "numbers"
+    assert list(asked["numbers"]) == ["wheelbase_m"]
+    found = stored(
+        tmp_path, "drive.bag", bag, Wishes(numbers=(("wheelbase_m", 0.35), ("metres_per_unit", 0.05)))
+    )
+    assert found["set"] == "drive"
+
+
 def test_what_a_page_says_of_a_file_is_taken_by_name_and_in_reason():
     query = {
         "set": "../../x",
