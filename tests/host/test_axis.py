@@ -14,8 +14,11 @@ from numpy.typing import NDArray
 
 import truing
 from truing.cli import group
+from truing.diagnose.diagnosis_input import Options
+from truing.diagnose.engine import diagnose
 from truing.errors import RecordingError
 from truing.identify import identification, model_ladder
+from truing.identify.first_baseline import with_first_baseline
 from truing.recording.axis import Axis
 from truing.recording.reader import read_recording_set, read_run
 from truing.recording.writer import write_run
@@ -172,3 +175,11 @@ def test_an_axis_in_memory_is_read_too() -> None:
 def test_commands_in_a_sentence_are_left_alone() -> None:
     said = Axis("rotation").text("The robot: 3 m/s (left wheel). Next: `truing fit /data/left wheel`")
     assert said == "The axis: 3 rad/s. Next: `truing fit /data/left wheel`"
+
+
+def test_in_python_too_one_side_of_an_axis_is_judged(motor: Path) -> None:
+    """Both sides hold the same numbers: two of them take longer and say everything twice."""
+    recordings = with_first_baseline(read_recording_set(motor))
+    done = diagnose(recordings, Options(jobs=1))
+    assert {entry.wheel for entry in done.numbers} <= {"left", None}
+    assert not [name for effect in done.effects for name in effect.parameters if "right" in name]

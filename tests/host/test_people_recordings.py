@@ -14,6 +14,7 @@ from truing.cli import group
 from truing.errors import IdentifyError, OutputError, RecordingError
 from truing.identify.data_checks import check_set
 from truing.identify.effort_checks import looks_like_a_mode
+from truing.identify.held_out import simplest_good
 from truing.identify.identification import Identification, identify_set
 from truing.identify.model_ladder import SetModels, fit_models
 from truing.identify.quantity import Quantity
@@ -227,3 +228,8 @@ def test_an_output_that_cannot_be_written_is_found_before_the_work(
     command, option, path = arguments
     result = truing(command, str(one_wheel), option, path)
     assert isinstance(result.exception, OutputError), result.exception
+
+
+def test_a_model_that_diverges_is_not_chosen_and_ends_no_fit() -> None:
+    assert simplest_good([(float("nan"), 1), (2.0, 3), (2.01, 2)]) == 2
+    assert simplest_good([(float("nan"), 1), (float("inf"), 2)]) == 0

@@ -7,6 +7,7 @@ metadata names, with those that they require, and to no others. A whole installa
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 import sys
@@ -35,6 +36,19 @@ truing.export(result, "model.toml")
 print(truing.__file__)
 print(*(effect.name for effect in result.effects))
 """
+
+
+# Of the host's tests, quick ones that need neither a board nor an extra.
+HOST_TESTS = (
+    "test_recording",
+    "test_import_tables",
+    "test_import_traps",
+    "test_import_command",
+    "test_import_sysid",
+    "test_identify_steps",
+    "test_model_file",
+    "test_plan",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +160,39 @@ def with_sim(bare: Installed, tmp_path_factory: pytest.TempPathFactory) -> Insta
     for package in packages - bare.packages:
         link(package, more)
     return replace(bare, packages=packages, more=more)
+
+
+@pytest.fixture(scope="module")
+def with_pytest(bare: Installed, tmp_path_factory: pytest.TempPathFactory) -> Installed:
+    """The same with what the tests of the host themselves need, in a folder of its own."""
+    more = tmp_path_factory.mktemp("pytest")
+    for package in closure(["pytest", "pytest-timeout", "pytest-xdist", "hypothesis"]) - bare.packages:
+        link(package, more)
+    for package in ("pytest", "pytest-timeout", "pytest-xdist", "hypothesis"):
+        link(package, more)
+    return replace(bare, more=more)
+
+
+# The package is the wheel's, also where the tests stand; what it compiles stays beside the installation.
+RUN_TESTS = """
+import os, sys
+os.environ["NUMBA_CACHE_DIR"] = sys.argv.pop(1)
+import pytest, truing
+print(truing.__file__, file=sys.stderr)
+sys.exit(pytest.main(sys.argv[1:]))
+"""
+
+
+def test_host_tests_that_need_no_board_pass_on_the_installed_wheel(
+    with_pytest: Installed, root: Path
+) -> None:
+    names = [f"tests/host/{name}.py" for name in HOST_TESTS]
+    cache = with_pytest.cache
+    options = ("-q", "-n", "0", "-o", f"cache_dir={cache / 'pytest'}")
+    done = replace(with_pytest, folder=root).call("-P", "-c", RUN_TESTS, cache / "numba", *options, *names)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-2000:]
+    assert done.stderr.startswith(str(with_pytest.python.parents[1]))
+    assert int(re.findall(r"(\d+) passed", done.stdout)[0]) > 150
 
 
 def test_the_wheel_holds_image_and_virtual_board_for_its_platform(wheel: Path) -> None:

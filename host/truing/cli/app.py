@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -126,7 +127,9 @@ class App:
     def emit(self, value: Any) -> None:
         """Print the result as JSON when --json was given."""
         if self.as_json:
-            click.echo(json.dumps(value, indent=2, sort_keys=False, default=_plain, allow_nan=False))
+            click.echo(
+                json.dumps(_without_nan(value), indent=2, sort_keys=False, default=_plain, allow_nan=False)
+            )
 
     @contextmanager
     def progress(self, label: str, *, shown: bool = True) -> Iterator[Progress]:
@@ -181,6 +184,15 @@ class ProgressLines:
 def _duration(seconds: float) -> str:
     """`40 s`, `3 min`."""
     return f"{seconds:.0f} s" if seconds < 100.0 else f"{seconds / 60.0:.0f} min"
+
+
+def _without_nan(value: Any) -> Any:
+    """The same with null for what is no finite number, which JSON does not have."""
+    if isinstance(value, dict):
+        return {key: _without_nan(part) for key, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_without_nan(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _plain(value: Any) -> Any:

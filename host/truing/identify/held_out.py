@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -65,6 +66,9 @@ def simplest_good(scores: Sequence[tuple[float, int]]) -> int:
     ----------
     scores : (error, number of parameters) of every choice.
     """
-    best = min(error for error, _ in scores)
+    # A model whose free run leaves what can be computed is no choice, unless all of them do.
+    best = min((error for error, _ in scores if math.isfinite(error)), default=math.nan)
+    if math.isnan(best):
+        return 0
     good = [k for k, (error, _) in enumerate(scores) if error <= PARSIMONY * best]
     return min(good, key=lambda k: (scores[k][1], scores[k][0]))
