@@ -99,7 +99,10 @@ def _lenient(path: Path, mapping: Mapping, options: ImportOptions) -> tuple[list
     findings = [Finding("table_form", note) for note in table.notes]
     tests = apply(mapping, columns, path)
     used = sum(test.time.size for test in tests)
-    if used < len(table):
+    if mapping.rate_hz is not None and used < len(table):
+        text = f"{len(table)} rows put together to {used} at about {mapping.rate_hz:g} Hz"
+        findings.append(Finding("rows_put_together", text))
+    elif used < len(table):
         text = (
             f"{len(table) - used} of {len(table)} rows left out: outside the asked time, of a test that is "
             "skipped, or without a number where one is needed"
