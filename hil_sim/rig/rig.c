@@ -1,6 +1,8 @@
 /* Connects board and plant in lock step: before either is read, the plant is advanced to that time. */
 #include "rig.h"
 
+#include "line_noise.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

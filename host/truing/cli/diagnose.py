@@ -140,8 +140,8 @@ def command(
         found = with_given_geometry(with_axis(read_input(runs, model), axis), geometry)
         recordings = with_measured(found, known)
         if recordings.baseline is None and sim_runs is None and not commanded:
-            app.note(SAID)
             recordings = with_first_baseline(recordings)
+            app.note(SAID)
         if recordings.axis is not None:
             # Both sides hold the axis' numbers: one of them is judged, and pose and turns mean nothing.
             wheel, wheels_only = "left", True
