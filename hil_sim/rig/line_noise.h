@@ -2,7 +2,10 @@
 #ifndef LINE_NOISE_H
 #define LINE_NOISE_H
 
-#include "rig.h"
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "encoder_noise.h"
 
 enum { LINE_NOISE_PHASES = 2 };
 
