@@ -27,40 +27,22 @@ static inline uint32_t logical_with_flags(struct board *b, uint32_t result)
     return result;
 }
 
-/* An operation in its four forms: from its value and from its value with flags. */
-#define TWO_OPERANDS(name, value, value_with_flags)                                                          \
+#define OPERATION(name, second, statement)                                                                   \
     void op_##name(struct board *b, struct op *op)                                                           \
     {                                                                                                        \
         const uint32_t x = R(op->b);                                                                         \
-        const uint32_t y = R(op->c);                                                                         \
+        const uint32_t y = (second);                                                                         \
         (void)x;                                                                                             \
-        R(op->a) = (value);                                                                                  \
-        NEXT;                                                                                                \
-    }                                                                                                        \
-    void op_##name##_i(struct board *b, struct op *op)                                                       \
-    {                                                                                                        \
-        const uint32_t x = R(op->b);                                                                         \
-        const uint32_t y = op->imm;                                                                          \
-        (void)x;                                                                                             \
-        R(op->a) = (value);                                                                                  \
-        NEXT;                                                                                                \
-    }                                                                                                        \
-    void op_##name##_s(struct board *b, struct op *op)                                                       \
-    {                                                                                                        \
-        const uint32_t x = R(op->b);                                                                         \
-        const uint32_t y = R(op->c);                                                                         \
-        (void)x;                                                                                             \
-        R(op->a) = (value_with_flags);                                                                       \
-        NEXT;                                                                                                \
-    }                                                                                                        \
-    void op_##name##_s_i(struct board *b, struct op *op)                                                     \
-    {                                                                                                        \
-        const uint32_t x = R(op->b);                                                                         \
-        const uint32_t y = op->imm;                                                                          \
-        (void)x;                                                                                             \
-        R(op->a) = (value_with_flags);                                                                       \
+        statement;                                                                                           \
         NEXT;                                                                                                \
     }
+
+/* An operation in its four forms: from its value and from its value with flags. */
+#define TWO_OPERANDS(name, value, value_with_flags)                                                          \
+    OPERATION(name, R(op->c), R(op->a) = (value))                                                            \
+    OPERATION(name##_i, op->imm, R(op->a) = (value))                                                         \
+    OPERATION(name##_s, R(op->c), R(op->a) = (value_with_flags))                                             \
+    OPERATION(name##_s_i, op->imm, R(op->a) = (value_with_flags))
 TWO_OPERANDS(add, x + y, sum_with_flags(b, x, y))
 TWO_OPERANDS(adc, x + y + b->core.carry, sum_with_carry(b, x, y))
 TWO_OPERANDS(sub, x - y, difference_with_flags(b, x, y))
@@ -75,20 +57,8 @@ TWO_OPERANDS(mov, y, logical_with_flags(b, y))
 TWO_OPERANDS(mvn, ~y, logical_with_flags(b, ~y))
 
 #define COMPARISON(name, flags)                                                                              \
-    void op_##name(struct board *b, struct op *op)                                                           \
-    {                                                                                                        \
-        const uint32_t x = R(op->b);                                                                         \
-        const uint32_t y = R(op->c);                                                                         \
-        flags;                                                                                               \
-        NEXT;                                                                                                \
-    }                                                                                                        \
-    void op_##name##_i(struct board *b, struct op *op)                                                       \
-    {                                                                                                        \
-        const uint32_t x = R(op->b);                                                                         \
-        const uint32_t y = op->imm;                                                                          \
-        flags;                                                                                               \
-        NEXT;                                                                                                \
-    }
+    OPERATION(name, R(op->c), flags)                                                                         \
+    OPERATION(name##_i, op->imm, flags)
 COMPARISON(cmp, difference_with_flags(b, x, y))
 COMPARISON(cmn, sum_with_flags(b, x, y))
 COMPARISON(tst, set_nz(b, x &y))
