@@ -5,6 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
+from truing.arrays import FloatArray
+
 
 @dataclass(frozen=True, slots=True)
 class Pose:
@@ -42,6 +46,13 @@ class Pose:
     def distance_m(self, other: Pose) -> float:
         """Distance on the floor."""
         return math.hypot(self.x_m - other.x_m, self.y_m - other.y_m)
+
+    def placed(self, path: FloatArray) -> FloatArray:
+        """A path of x (m), y (m), theta (rad), shape (n, 3), as it is when seen from this pose."""
+        c, s = math.cos(self.theta_rad), math.sin(self.theta_rad)
+        x = self.x_m + c * path[:, 0] - s * path[:, 1]
+        y = self.y_m + s * path[:, 0] + c * path[:, 1]
+        return np.column_stack((x, y, path[:, 2] + self.theta_rad))
 
     def as_list(self) -> list[float]:
         """x, y, theta, rounded for display."""

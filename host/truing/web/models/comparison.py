@@ -213,11 +213,7 @@ def _real(run: Run, baseline: Baseline | None, start: Pose, width: float | None,
 def _placed(path: FloatArray, start: Pose) -> FloatArray:
     """A path transformed so that it starts at `start`."""
     first = Pose(*path[0].tolist())
-    move = start.compose(first.inverse())
-    c, s = math.cos(move.theta_rad), math.sin(move.theta_rad)
-    x = move.x_m + c * path[:, 0] - s * path[:, 1]
-    y = move.y_m + s * path[:, 0] + c * path[:, 1]
-    return np.column_stack((x, y, path[:, 2] + move.theta_rad))
+    return start.compose(first.inverse()).placed(path)
 
 
 def _speeds(run: Run, baseline: Baseline | None) -> tuple[FloatArray, FloatArray] | None:

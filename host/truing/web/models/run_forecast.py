@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -55,7 +54,7 @@ def forecast(plan: Plan, parameters: Mapping[str, Parameter], start: Pose, world
     model = motion_model(dict(parameters))
     own = planned_path(plan, model)
     distance_m = float(np.hypot(*np.diff(own[:, :2], axis=0).T).sum())
-    path = _placed(_thinned(own), start)
+    path = start.placed(_thinned(own))
     return RunForecast(path, distance_m, estimate_floor(plan, model), first_obstacle(world, path))
 
 
@@ -81,10 +80,3 @@ def _thinned(path: FloatArray) -> FloatArray:
     kept[-1] = True
     thinned: FloatArray = path[kept]
     return thinned
-
-
-def _placed(path: FloatArray, start: Pose) -> FloatArray:
-    c, s = math.cos(start.theta_rad), math.sin(start.theta_rad)
-    x = start.x_m + c * path[:, 0] - s * path[:, 1]
-    y = start.y_m + s * path[:, 0] + c * path[:, 1]
-    return np.column_stack((x, y, path[:, 2] + start.theta_rad))
