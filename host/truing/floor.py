@@ -65,13 +65,9 @@ class FloorNeed:
 def estimate_floor(plan: Plan, model: MotionModel | None = None) -> FloorNeed:
     """Roll first-order wheels through the plan and widen the path by what they leave out."""
     model = model or MotionModel()
-    left, right, dt = _wheel_speeds(
-        [*_wheel_targets(plan, model), (0.0, 0.0, 5 * model.time_constant_s)], model
-    )
+    left, right, dt = _wheel_speeds(plan, model, _GAIN_MARGIN)
+    x, y, _ = _path(left, right, dt, model).T
     v = 0.5 * (left + right)
-    turn = (right - left) / model.wheelbase_m * dt
-    heading = np.cumsum(turn) - 0.5 * turn
-    x, y = np.cumsum(v * dt * np.cos(heading)), np.cumsum(v * dt * np.sin(heading))
     travelled = np.cumsum(np.abs(v) * dt)
     # Off a straight line by a curl c over a path s: c s^2 / 2, and never beyond the path itself.
     stray = np.minimum(0.5 * _CURL_RAD_PER_M * travelled**2, travelled)
@@ -94,23 +90,25 @@ def planned_path(plan: Plan, model: MotionModel | None = None) -> FloatArray:
     Without the margins of `estimate_floor`; it ends when the wheels are at rest.
     """
     model = model or MotionModel()
-    targets = [*_wheel_targets(plan, model, 1.0), (0.0, 0.0, 5 * model.time_constant_s)]
-    left, right, dt = _wheel_speeds(targets, model)
-    turn = (right - left) / model.wheelbase_m * dt
-    theta = np.cumsum(turn)
-    way = 0.5 * (left + right) * dt
-    steps = np.column_stack((way * np.cos(theta - 0.5 * turn), way * np.sin(theta - 0.5 * turn)))
-    path = np.column_stack((np.cumsum(steps, axis=0), theta))
+    path = _path(*_wheel_speeds(plan, model, 1.0), model)
     return np.concatenate((np.zeros((1, 3)), path))
 
 
-def _wheel_speeds(
-    targets: list[tuple[float, float, float]], model: MotionModel
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """First-order wheels through steady speeds: left and right, m/s, and the step before each, s."""
+def _path(left: FloatArray, right: FloatArray, dt: FloatArray, model: MotionModel) -> FloatArray:
+    """Where these wheel speeds lead, from the origin along x: x (m), y (m), theta (rad), shape (n, 3)."""
+    way = 0.5 * (left + right) * dt
+    turn = (right - left) / model.wheelbase_m * dt
+    theta = np.cumsum(turn)
+    heading = theta - 0.5 * turn
+    return np.column_stack((np.cumsum(way * np.cos(heading)), np.cumsum(way * np.sin(heading)), theta))
+
+
+def _wheel_speeds(plan: Plan, model: MotionModel, margin: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """First-order wheels through a plan to rest: left and right, m/s, and the step before each, s."""
     speeds, steps_s = [], []
     last = np.zeros(2)
-    for left, right, duration_s in targets:
+    to_rest = (0.0, 0.0, 5 * model.time_constant_s)
+    for left, right, duration_s in (*_wheel_targets(plan, model, margin), to_rest):
         steps = max(1, math.ceil(duration_s / _STEP_S))
         decay = np.exp(-duration_s / steps / model.time_constant_s * np.arange(1, steps + 1))[:, None]
         target = np.array([left, right])
@@ -121,10 +119,8 @@ def _wheel_speeds(
     return both[:, 0], both[:, 1], np.concatenate(steps_s)
 
 
-def _wheel_targets(
-    plan: Plan, model: MotionModel, margin: float = _GAIN_MARGIN
-) -> list[tuple[float, float, float]]:
-    """Steady wheel speeds (m/s, left and right) and duration of each segment, with margin."""
+def _wheel_targets(plan: Plan, model: MotionModel, margin: float) -> list[tuple[float, float, float]]:
+    """Steady wheel speeds (m/s, left and right) times a margin, and duration (s) of each segment."""
     targets = []
     for segment in plan.segments:
         a, b = segment.a, segment.b
