@@ -74,7 +74,7 @@ def diagnose(
     """
     options = options or Options()
     if recordings.axis is not None:
-        # Both sides hold the axis' numbers: one of them is simulated, and pose and turns mean nothing.
+        # Both sides hold the axis' numbers: one of them is judged, and pose and turns mean nothing.
         options = replace(options, wheel="left", wheels_only=True)
     recordings = with_measured(recordings, options.measured)
     if options.wheels_only:

@@ -27,7 +27,7 @@ def matches(path: Path, head: bytes) -> bool:
 def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Finding]]:
     """The vectors of the longest common length; matrices and scalars are left aside."""
     table = read_vectors(path)
-    if options.mapping is None and has_own_columns(path):
+    if options.mapping is None and _is_own(table):
         own = {name: Source(name) for name in table if name in NUMERIC_COLUMNS}
         return apply(Mapping(path, own), table, path), []
     mapping = find_mapping(path, options)
@@ -38,7 +38,11 @@ def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Fi
 
 def has_own_columns(path: Path) -> bool:
     """Whether the vectors have the names of a run's columns, so that no mapping is needed."""
-    return {"t_s", "effort_left", "effort_right"} <= read_vectors(path).keys()
+    return _is_own(read_vectors(path))
+
+
+def _is_own(table: dict[str, FloatArray]) -> bool:
+    return {"t_s", "effort_left", "effort_right"} <= table.keys()
 
 
 def read_vectors(path: Path) -> dict[str, FloatArray]:
