@@ -148,6 +148,17 @@ def whiten(noise: Noise, columns: FloatArray, counted: FloatArray, lagged: IntAr
     return out.reshape(columns.shape)
 
 
+def whiten_wheel(
+    noise: Noise, columns: FloatArray, wheel: int, counted: FloatArray, lagged: IntArray
+) -> FloatArray:
+    """Innovations of one wheel's columns (n, p), likewise."""
+    own = slice(wheel, wheel + 1)
+    out = np.zeros((len(columns), 1, columns.shape[1]))
+    weights = np.ascontiguousarray(counted[:, own])
+    _whiten(np.ascontiguousarray(columns[:, None]), weights, lagged, noise.lags[own], noise.sigma[own], out)
+    return out[:, 0]
+
+
 def predicted_uncertainty(noise: Noise, uncertainty: FloatArray, lagged: IntArray) -> FloatArray:
     """Uncertainty of the autoregressive prediction of each row, shape (n, 2), m/s.
 
@@ -168,9 +179,9 @@ def _whiten(
     sigma: FloatArray,
     out: FloatArray,
 ) -> None:
-    rows, _, width = columns.shape
+    rows, wheels, width = columns.shape
     for row in range(rows):
-        for wheel in range(2):
+        for wheel in range(wheels):
             weight = counted[row, wheel]
             if weight <= 0.0:
                 continue

@@ -22,7 +22,7 @@ from truing.diagnose.data.set_data import SetData
 from truing.diagnose.distributions import chi2_quantile, chi2_quantiles
 from truing.diagnose.fit import Fit
 from truing.diagnose.held_out import folds_of
-from truing.diagnose.noise import Noise, whiten
+from truing.diagnose.noise import Noise, whiten, whiten_wheel
 from truing.diagnose.problem import Problem
 
 RIDGES = (3.0, 30.0, 300.0, 3000.0)
@@ -83,38 +83,56 @@ def find_structure(
     share, error, predicted_runs = np.zeros(2), np.zeros(2), np.zeros(2)
     predicted = np.zeros_like(residual)
     target = whiten(noise, residual, counted, lagged)
+    runs = np.unique(data.run_of_row)
     for wheel in range(2):
         basis = features(data, speeds, wheel, float(taus[wheel]))
-        pair = np.repeat(basis[:, None, :], 2, axis=1)
-        white = whiten(noise, pair, counted, lagged)[:, wheel]
+        white = whiten_wheel(noise, basis, wheel, counted, lagged)
         scale = np.sqrt(np.mean(white**2, axis=0)) + 1e-12
-        white, basis = white / scale, basis / scale
         y = np.clip(target[:, wheel], -4.0, 4.0)
-        groups = np.unique(folds)
-        gram = {g: white[folds == g].T @ white[folds == g] for g in groups}
-        moment = {g: white[folds == g].T @ y[folds == g] for g in groups}
-        best, prediction = np.inf, np.zeros_like(y)
-        weights: dict[int, FloatArray] = {}
-        for ridge in RIDGES:
-            trial, kept = np.zeros_like(y), {}
-            for g in groups:
-                a = sum((gram[h] for h in groups if h != g), np.zeros_like(gram[g]))
-                b = sum((moment[h] for h in groups if h != g), np.zeros_like(moment[g]))
-                kept[int(g)] = np.linalg.solve(a + ridge * np.eye(len(b)), b)
-                trial[folds == g] = white[folds == g] @ kept[int(g)]
-            cost = float(np.sum((y - trial) ** 2))
-            if cost < best:
-                best, prediction, weights = cost, trial, kept
-        for g in groups:
-            predicted[folds == g, wheel] = basis[folds == g] @ weights[int(g)]
+        prediction, weights = _cross_validated(white / scale, y, folds)
+        for group, weight in weights.items():
+            predicted[folds == group, wheel] = (basis[folds == group] / scale) @ weight
         gain = y**2 - (y - prediction) ** 2
         total = max(float(np.sum(y**2)), 1e-12)
         share[wheel] = float(gain.sum()) / total
-        runs = np.unique(data.run_of_row)
         by_run = np.array([gain[data.run_of_row == run].sum() for run in runs])
         error[wheel] = float(np.sqrt(np.sum((by_run - by_run.mean()) ** 2)) / total)
         predicted_runs[wheel] = float((by_run > 0.0).mean())
     return Structure(share, error, predicted_runs, predicted)
+
+
+def _cross_validated(
+    regressors: FloatArray, y: FloatArray, folds: IntArray
+) -> tuple[FloatArray, dict[int, FloatArray]]:
+    """Ridge regression of `y` (n,) without each fold in turn, by the penalty that predicts best.
+
+    Returns
+    -------
+    Prediction of each row by the regression without its fold, shape (n,), and the weights (f,) of each fold.
+    """
+    groups = [int(group) for group in np.unique(folds)]
+    parts = {g: regressors[folds == g] for g in groups}
+    grams = {g: part.T @ part for g, part in parts.items()}
+    moments = {g: part.T @ y[folds == g] for g, part in parts.items()}
+    width = regressors.shape[1]
+    others = {
+        g: (
+            sum((grams[h] for h in groups if h != g), np.zeros((width, width))),
+            sum((moments[h] for h in groups if h != g), np.zeros(width)),
+        )
+        for g in groups
+    }
+    best, prediction = np.inf, np.zeros_like(y)
+    weights: dict[int, FloatArray] = {}
+    for ridge in RIDGES:
+        trial, kept = np.zeros_like(y), {}
+        for g, (gram, moment) in others.items():
+            kept[g] = np.linalg.solve(gram + ridge * np.eye(width), moment)
+            trial[folds == g] = parts[g] @ kept[g]
+        cost = float(np.sum((y - trial) ** 2))
+        if cost < best:
+            best, prediction, weights = cost, trial, kept
+    return prediction, weights
 
 
 def features(data: SetData, speeds: FloatArray, wheel: int, tau: float) -> FloatArray:
