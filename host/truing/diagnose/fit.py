@@ -55,8 +55,12 @@ def fit(
     columns: tuple[Column, ...] | None = None,
     iterations: int = 15,
     tolerance: float = 1e-4,
+    secant: bool = False,
 ) -> Fit:
-    """Minimise the whitened residual over the structure's free parameters, from `start` (p,)."""
+    """Minimise the whitened residual over the structure's free parameters, from `start` (p,).
+
+    `secant`: from a start near the minimum, by few simulations (`minimise`).
+    """
     columns = problem.columns_of(effects) if columns is None else columns
 
     def theta_at(x: FloatArray) -> FloatArray:
@@ -86,6 +90,7 @@ def fit(
         np.array([column.upper for column in columns]),
         iterations=iterations,
         tolerance=tolerance,
+        secant=secant,
     )
     theta = theta_at(end.theta)
     return Fit(effects, theta, columns, problem.residual(theta, effects))

@@ -48,7 +48,7 @@ def held_out(problem: Problem, full: Fit, folds: IntArray, pose_folds: IntArray)
         seen = problem.restricted(
             problem.counted * (folds != part)[:, None], problem.pose_counted * (pose_folds != part)
         )
-        refit = fit(seen, full.effects, full.theta, iterations=6, tolerance=1e-3)
+        refit = fit(seen, full.effects, full.theta, iterations=6, tolerance=1e-3, secant=True)
         rows = folds == part
         error[rows] = (problem.data.speed_mps - refit.residual.speeds)[rows]
         if len(pose):

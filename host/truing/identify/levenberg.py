@@ -39,6 +39,7 @@ def minimise(
     *,
     iterations: int = 60,
     tolerance: float = 1e-7,
+    secant: bool = False,
 ) -> Minimum:
     """Minimise the sum of squared residuals inside a box.
 
@@ -50,6 +51,9 @@ def minimise(
     residual : theta (p,) -> (n,).
     jacobian : theta (p,), residual there (n,) -> (n, p).
     tolerance : stop when the relative decrease of the cost is below this, twice in a row.
+    secant : in every other step the derivatives are those of the step before, corrected by Broyden's
+        rank-one formula (Broyden 1965, Mathematics of Computation 19; each parameter in units of its own
+        sensitivity). For a start near the minimum and a residual much cheaper than its derivatives.
     """
     theta = np.clip(start, lower, upper)
     r = residual(theta)
@@ -57,9 +61,11 @@ def minimise(
     damping, grow, quiet = 1e-3, 2.0, 0
     count = 0
     converged = False
+    j: FloatArray | None = None
     while count < iterations:
         count += 1
-        j = jacobian(theta, r)
+        exact = j is None
+        j = jacobian(theta, r) if j is None else j
         gradient = j.T @ r
         hessian = j.T @ j
         at_lower = (theta <= lower) & (gradient > 0.0)
@@ -91,9 +97,13 @@ def minimise(
                 break
             damping *= grow
             grow *= 2.0
+        if not accepted and not exact:
+            j, damping, grow = None, 1e-3, 2.0
+            continue
         if not accepted:
             converged = True
             break
+        j = _corrected(j, moved, r_trial - r) if secant and exact else None
         small = cost - trial_cost <= tolerance * cost
         theta, r, cost = trial, r_trial, trial_cost
         quiet = quiet + 1 if small else 0
@@ -101,3 +111,10 @@ def minimise(
             converged = True
             break
     return Minimum(theta, r, cost, count, converged)
+
+
+def _corrected(j: FloatArray, moved: FloatArray, change: FloatArray) -> FloatArray:
+    """Derivatives (n, p), corrected so that they give the residual's change (n,) along a step (p,)."""
+    along = moved * (j * j).sum(axis=0)
+    length = float(along @ moved)
+    return j + np.outer(change - j @ moved, along / length) if length > 0.0 else j
