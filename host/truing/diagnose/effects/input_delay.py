@@ -48,7 +48,7 @@ EFFECT = Effect(
     excited_by="Give six or more steps of effort of at least 10 %, and log at 100 Hz or more.",
     parameters=(
         Parameter("delay", "s", 0.0, 0.4, 0.0, (0.02, 0.06, 0.12), scan=True),
-        Parameter("difference", "s", -0.4, 0.4, 0.0, (0.01,), pull=0.02, plain=True),
+        Parameter("difference", "s", -0.4, 0.4, 0.0, (0.01,), pull=0.006, plain=True),
     ),
     exercised=_exercised,
 )

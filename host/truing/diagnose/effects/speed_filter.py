@@ -176,7 +176,7 @@ EFFECT = Effect(
     ),
     parameters=(
         Parameter("time_constant", "s", 0.0, 1.0, 0.0, (0.03, 0.1)),
-        Parameter("difference", "s", -1.0, 1.0, 0.0, (0.02,), pull=0.02, plain=True),
+        Parameter("difference", "s", -1.0, 1.0, 0.0, (0.02,), pull=0.006, plain=True),
         Parameter("instant", "1", 0.0, 1.0, 0.0, (1.0, 0.0), nuisance=True, scan=True),
     ),
     needs=("vel",),
