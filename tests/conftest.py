@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import time
 from pathlib import Path
@@ -86,15 +87,32 @@ def _shares_with_module(item: pytest.Item) -> bool:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """How many tests each part of `./run test` has and how long it took; nothing where pytest runs alone."""
-    if "TRUING_TEST_PARTS" not in os.environ:
+    """What the checks beside pytest said; how many tests each part has and how long it took.
+
+    Nothing where pytest runs alone.
+    """
+    if "TRUING_TEST_CHECKS" not in os.environ:
         return
+    checks = Path(os.environ["TRUING_TEST_CHECKS"])
     outcomes = ("passed", "failed", "skipped", "xfailed", "xpassed")
     count = sum(len(terminalreporter.stats.get(outcome, ())) for outcome in outcomes)
-    seconds = time.time() - float(os.environ["TRUING_TEST_BEGAN"])
-    parts = [line.split("\t") for line in os.environ["TRUING_TEST_PARTS"].splitlines()]
-    parts.append([str(round(seconds)), str(count), "Python and end-to-end tests (pytest)"])
-    total = (sum(int(each[column] or 0) for each in parts) for column in (0, 1))
+    own = round(time.time() - float(os.environ["TRUING_TEST_BEGAN"]))
+    said, parts = _ended(checks)
+    parts.append([str(own), str(count), "Python and end-to-end tests (pytest)"])
+    total = round(time.time() - float(os.environ["TRUING_TEST_BEGAN"]))
+    parts.append([str(total), str(sum(int(tests or 0) for _, tests, _ in parts)), "in all, side by side"])
+    terminalreporter.section("checks beside pytest")
+    terminalreporter.write(said)
     terminalreporter.section("seconds and tests of each part")
-    for took, tests, title in (*parts, (*map(str, total), "in all")):
+    for took, tests, title in parts:
         terminalreporter.write_line(f"{took:>6} s {tests:>6} {'tests' if tests else '':5}  {title}")
+
+
+def _ended(checks: Path) -> tuple[str, list[list[str]]]:
+    """Wait for the checks; what they said, and seconds, number of tests and title of each."""
+    with checks.with_suffix(".lock").open() as held:  # by `run`, until the last of them has ended
+        fcntl.flock(held, fcntl.LOCK_SH)
+    parts = checks.with_suffix(".parts")
+    lines = parts.read_text(encoding="utf-8").splitlines() if parts.is_file() else []
+    said = checks.with_suffix(".log").read_text(encoding="utf-8", errors="replace")
+    return said, [line.split("\t") for line in lines]
