@@ -14,17 +14,18 @@ from numpy.typing import NDArray
 
 import truing
 from truing.cli import group
-from truing.diagnose.diagnosis_input import Options
-from truing.diagnose.engine import diagnose
-from truing.errors import RecordingError
+from truing.diagnose.applicable import beyond_an_axis
+from truing.diagnose.catalogue import CATALOGUE
+from truing.diagnose.result import Diagnosis
+from truing.errors import IdentifyError, RecordingError
 from truing.identify import identification, model_ladder
-from truing.identify.first_baseline import with_first_baseline
 from truing.recording.axis import Axis
 from truing.recording.reader import read_recording_set, read_run
 from truing.recording.writer import write_run
 
 Array = NDArray[np.float64]
 GAIN_RADPS, TAU_S, FRICTION = 90.0, 0.12, 0.05
+ROBOT = re.compile(r"\b(robot|slips?|floor|tyres?|heading|radii|radius|wheelbase)\b", re.IGNORECASE)
 TWO_WHEELS = re.compile(r"\b(left(?!.?out)|right|wheels?|both|chassis|turns?|m/s|mm/s)\b", re.IGNORECASE)
 
 
@@ -63,6 +64,11 @@ def motor(tmp_path_factory: pytest.TempPathFactory) -> Path:
         columns = {"t_s": t, "effort": effort, "vel_radps": speed}
         write(folder / "runs" / f"{seed + 1:02d}_steps.csv", columns)
     return folder
+
+
+@pytest.fixture(scope="module")
+def done(motor: Path) -> Diagnosis:
+    return truing.diagnose(read_recording_set(motor), jobs=1)
 
 
 def run(*arguments: object) -> Result:
@@ -177,9 +183,28 @@ def test_commands_in_a_sentence_are_left_alone() -> None:
     assert said == "The axis: 3 rad/s. Next: `truing fit /data/left wheel`"
 
 
-def test_in_python_too_one_side_of_an_axis_is_judged(motor: Path) -> None:
+def test_no_effect_that_an_axis_may_have_speaks_of_a_robot() -> None:
+    titles = {name: Axis("rotation").text(effect.title) for name, effect in CATALOGUE.items()}
+    said = {name: title for name, title in titles.items() if name not in beyond_an_axis()}
+    assert "payload_change" in said
+    assert "wheel_slip" not in said
+    odd = [title for title in said.values() if TWO_WHEELS.search(title) or ROBOT.search(title)]
+    assert not odd
+
+
+def test_effects_of_a_robot_are_not_tried_on_an_axis(done: Diagnosis) -> None:
+    """Whatever is listed as a candidate was tried: a slip of the axis was, now and then."""
+    tried = {name for entry in done.ranking for name in entry.names}
+    assert "coulomb_friction" in tried
+    assert not tried & beyond_an_axis()
+
+
+def test_a_command_cannot_be_held_against_the_pose_of_an_axis(motor: Path) -> None:
+    with pytest.raises(IdentifyError, match="an axis has none"):
+        truing.diagnose(read_recording_set(motor), commanded=True)
+
+
+def test_in_python_too_one_side_of_an_axis_is_judged(done: Diagnosis) -> None:
     """Both sides hold the same numbers: two of them take longer and say everything twice."""
-    recordings = with_first_baseline(read_recording_set(motor))
-    done = diagnose(recordings, Options(jobs=1))
     assert {entry.wheel for entry in done.numbers} <= {"left", None}
     assert not [name for effect in done.effects for name in effect.parameters if "right" in name]

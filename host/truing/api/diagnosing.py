@@ -9,12 +9,11 @@ from pathlib import Path
 
 from truing.api.models import AnyModel
 from truing.api.reading import Source, read
-from truing.diagnose.diagnosis_input import Options
+from truing.diagnose.diagnosis_input import Options, with_what_to_compare
 from truing.diagnose.engine import diagnose as diagnose_recordings
-from truing.diagnose.measured import parse_measured, with_measured
+from truing.diagnose.measured import parse_measured
 from truing.diagnose.result import Diagnosis
 from truing.diagnose.simulation.warm import compile_once
-from truing.identify.first_baseline import SAID, with_first_baseline
 from truing.progress import Progress, ignore_progress
 from truing.recording.run import Wheel
 
@@ -73,11 +72,8 @@ def diagnose(
     ('missing_physics', ['stribeck_friction'])
     """
     known = parse_measured(f"{name}={value!r}" for name, value in (measured or {}).items())
-    found = with_measured(read(recordings, baseline), known)
-    if found.baseline is None and sim_runs is None and not commanded:
-        LOGGER.info(SAID)
-        found = with_first_baseline(found)
     folder = None if sim_runs is None else Path(sim_runs)
     options = Options(folder, wheels_only, jobs, floor_m, commanded, wheel, tuple(accept), known)
+    found = with_what_to_compare(read(recordings, baseline), options, LOGGER.info)
     compile_once(LOGGER.info)
     return replace(diagnose_recordings(found, options, progress), recordings=found)

@@ -122,13 +122,12 @@ def command(
     # Set before numpy is loaded: the matrices here are small, and threads of their own only get in the way.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with _one_line_errors():
-        from truing.diagnose.diagnosis_input import Options, read_input
+        from truing.diagnose.diagnosis_input import Options, read_input, with_what_to_compare
         from truing.diagnose.engine import diagnose
-        from truing.diagnose.measured import parse_measured, with_measured
+        from truing.diagnose.measured import parse_measured
         from truing.diagnose.present.exports import parse_exports, write_exports
         from truing.diagnose.present.text import sections
         from truing.diagnose.simulation.warm import compile_once
-        from truing.identify.first_baseline import SAID, with_first_baseline
         from truing.recording.geometry import with_axis, with_given_geometry
         from truing.recording.writer import check_output, replace_file
 
@@ -136,19 +135,14 @@ def command(
         for path in (json_path, report_path, next_run, *(export.path for export in wanted)):
             if path is not None:
                 check_output(path)
-        known = parse_measured(measured)
-        found = with_given_geometry(with_axis(read_input(runs, model), axis), geometry)
-        recordings = with_measured(found, known)
-        if recordings.baseline is None and sim_runs is None and not commanded:
-            recordings = with_first_baseline(recordings)
-            app.note(SAID)
-        if recordings.axis is not None:
-            # Both sides hold the axis' numbers: one of them is judged, and pose and turns mean nothing.
-            wheel, wheels_only = "left", True
         if commanded and (wheels_only or wheel is not None or sim_runs is not None):
             raise click.UsageError("--commanded goes without --wheel, --wheels-only and --sim-runs")
         accepted = () if accept is None else tuple(name.strip() for name in accept.split("+"))
+        known = parse_measured(measured)
+        found = with_given_geometry(with_axis(read_input(runs, model), axis), geometry)
         options = Options(sim_runs, wheels_only, jobs, floor_m, commanded, wheel, accepted, known)
+        options = options.suiting(found)
+        recordings = with_what_to_compare(found, options, app.note)
         compile_once(app.note)
         with app.progress("diagnosing") as progress:
             diagnosis = diagnose(recordings, options, progress)
@@ -163,7 +157,7 @@ def command(
 
             save_report(recordings, diagnosis, report_path, board=board)
             app.say(f"written: {report_path}")
-        for line in write_exports(wanted, recordings, diagnosis, wheel) if wanted else []:
+        for line in write_exports(wanted, recordings, diagnosis, options.wheel) if wanted else []:
             has_path = line.startswith("written")
             app.say(line if recordings.axis is None or has_path else recordings.axis.text(line))
         if next_run is not None and diagnosis.next_experiment is not None:

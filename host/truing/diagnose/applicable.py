@@ -15,10 +15,19 @@ NEED_MEASURED_WHEELS = frozenset(
 )
 # Effects between the two wheels.
 NEED_BOTH_WHEELS = frozenset({"turning_scrub", "inertia_coupling", "side_asymmetry"})
+# Effects of a second wheel, of grip on the floor or of its slope: a single motor or axis has none of them.
+NO_AXIS_HAS = (*sorted(NEED_BOTH_WHEELS), "wheel_slip", "floor_slope")
 # Effects that each wheel's own gain stands for, unless a pose from outside separates them.
 ONE_WITH_FREE_GAINS = frozenset({"encoder_scale"})
 # Excitation below which an effect of moderate strength is lost in the noise.
 EXCITED = 1.0
+
+
+def beyond_an_axis() -> frozenset[str]:
+    """Effects that concern no single motor or axis: those between two wheels, of a floor, or of a pose."""
+    return frozenset(
+        name for name, effect in CATALOGUE.items() if name in NO_AXIS_HAS or effect.domain != "wheel"
+    )
 
 
 def applicable_effects(data: SetData) -> list[str]:

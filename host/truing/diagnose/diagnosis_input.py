@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from truing.diagnose.measured import Measured
+from truing.diagnose.measured import Measured, with_measured
+from truing.errors import IdentifyError
+from truing.identify.first_baseline import SAID, with_first_baseline
 from truing.importers import ImportOptions, read_runs
 from truing.recording.run import RecordingSet, Wheel
 
@@ -35,6 +38,44 @@ class Options:
     wheel: Wheel | None = None
     accept: tuple[str, ...] = ()
     measured: tuple[Measured, ...] = ()
+
+    def suiting(self, recordings: RecordingSet) -> Options:
+        """These options as the recordings take them.
+
+        Both sides of an axis hold its numbers: one of them is judged, and a pose means nothing.
+
+        Raises
+        ------
+        IdentifyError : a command is to be compared with the pose of an axis.
+        """
+        if recordings.axis is None:
+            return self
+        if self.commanded:
+            raise IdentifyError(
+                f"{recordings.name}: what is commanded is compared with a pose, and an axis has none",
+                "Diagnose its own motion: leave --commanded away",
+            )
+        return replace(self, wheel="left", wheels_only=True)
+
+
+def with_what_to_compare(
+    recordings: RecordingSet, options: Options, say: Callable[[str], object]
+) -> RecordingSet:
+    """The recordings with what a diagnosis compares them with, from the command line as from Python.
+
+    The baseline gets the numbers that were measured. Where there is none, and neither another simulator's
+    output nor the command to compare with, there is the first-order model that fits the runs best.
+
+    Parameters
+    ----------
+    say : told in a sentence that there was no baseline.
+    """
+    found = with_measured(recordings, options.measured)
+    if found.baseline is not None or options.sim_runs is not None or options.commanded:
+        return found
+    found = with_first_baseline(found)
+    say(SAID)
+    return found
 
 
 def read_input(path: Path, model: Path | None) -> RecordingSet:

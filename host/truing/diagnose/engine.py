@@ -11,7 +11,7 @@ import numpy as np
 
 from truing.arrays import BoolArray
 from truing.diagnose.accepted import with_accepted
-from truing.diagnose.applicable import applicable_effects
+from truing.diagnose.applicable import applicable_effects, beyond_an_axis
 from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.data.checks import check_data
 from truing.diagnose.data.encoder_faults import find_encoder_fault, one_wheel, with_encoder_fault
@@ -72,10 +72,7 @@ def diagnose(
     TruingError
         The recordings allow no verdict; says why.
     """
-    options = options or Options()
-    if recordings.axis is not None:
-        # Both sides hold the axis' numbers: one of them is judged, and pose and turns mean nothing.
-        options = replace(options, wheel="left", wheels_only=True)
+    options = (options or Options()).suiting(recordings)
     recordings = with_measured(recordings, options.measured)
     if options.wheels_only:
         recordings = recordings.without_pose()
@@ -108,7 +105,7 @@ def _diagnose(recordings: RecordingSet, options: Options, progress: Progress) ->
         options.jobs,
         commanded=options.commanded,
         accept=options.accept,
-        excluded=ruled_out(options.measured),
+        excluded=ruled_out(options.measured) | (frozenset() if recordings.axis is None else beyond_an_axis()),
     )
     if fault is not None and options.wheel != fault.other:
         diagnosis = with_encoder_fault(diagnosis, fault)

@@ -260,14 +260,18 @@ def _mismatch(reasoning: Reasoning) -> tuple[MismatchSpan, ...]:
         return ()
     spans: list[MismatchSpan] = []
     if reasoning.verdict in ("unexplained", "partly_explained"):
-        partly = reasoning.verdict == "partly_explained"
-        shape = unexplained_shape(problem, reasoning.best if partly else reasoning.base)
+        done = reasoning.best if reasoning.verdict == "partly_explained" else reasoning.base
+        if problem.data.commanded:
+            return tuple(pose_spans(problem, done.residual.pose, MIN_MISMATCH))
+        shape = unexplained_shape(problem, done)
         spans += wheel_spans(problem.data, shape, problem.noise.rms, MIN_MISMATCH, UNEXPLAINED_COVERED)
         return tuple(spans)
     for name in reasoning.best.effects:
         bare = without(problem, reasoning.best, name)
         shape = reasoning.best.residual.speeds - bare.residual.speeds
-        spans += wheel_spans(problem.data, shape, problem.noise.rms, MIN_MISMATCH)
+        if not problem.data.commanded:
+            # Where a command is held against the pose, no wheel was measured.
+            spans += wheel_spans(problem.data, shape, problem.noise.rms, MIN_MISMATCH)
         spans += pose_spans(problem, reasoning.best.residual.pose - bare.residual.pose, MIN_MISMATCH)
     return tuple(spans)
 

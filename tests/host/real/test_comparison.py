@@ -31,7 +31,7 @@ from truing.studies.real.left_out import Score
 from truing.studies.real.peers import catalogue
 from truing.studies.real.peers.catalogue import LADDER, PEERS
 from truing.studies.real.peers.peer import Peer
-from truing.studies.real.row_set import every_row, judged_rows
+from truing.studies.real.row_set import errors_at_every_row, every_row, judged_rows
 
 RUNGS = [peer for peer in PEERS if peer.name in LADDER]
 TRUTH = Truth(friction=0.05, delay=0.04, noise=0.01)
@@ -110,6 +110,37 @@ def test_between_measurements_our_model_is_held_as_the_recorder_holds() -> None:
     recordings = replace(recordings, runs=tuple(held))
     one = compare(recordings, diagnosed(recordings, 0.03, every=3), 4.0, RUNGS[:1], peer_scores)
     assert one.every_row[OURS].fitted == pytest.approx(one.scores[OURS].fitted, rel=0.02)
+
+
+def test_a_side_that_the_diagnosis_left_out_counts_on_no_row() -> None:
+    """The second side of an axis, or a wheel whose encoder is at fault."""
+    recordings = recorded()
+    both = diagnosed(recordings, 0.03)
+    traces = []
+    for trace in both.traces:
+        valid = trace.valid.copy()
+        valid[:, 1] = False
+        traces.append(replace(trace, valid=valid, model=np.where(valid, trace.model, 99.0)))
+    alone = compare(recordings, replace(both, traces=tuple(traces)), 4.0, RUNGS[:1], peer_scores)
+    assert alone.every_row[OURS].fitted == pytest.approx(alone.scores[OURS].fitted, rel=0.01)
+
+
+def test_rows_that_the_diagnosis_put_together_are_interpolated() -> None:
+    """At 1 kHz a model held over 18 ms would be wrong by what a wheel gains in that time."""
+    recordings = recorded()
+    every = 5
+    reduced = []
+    for trace in diagnosed(recordings, 0.0).traces:
+        at = np.arange(0, len(trace.t_s), every)
+        mean = np.array([trace.measured[max(i - every + 1, 0) : i + 1].mean(axis=0) for i in at])
+        valid = np.ones((len(at), 2), dtype=bool)
+        reduced.append(
+            replace(trace, t_s=trace.t_s[at], measured=mean, model=mean, valid=valid, effort=trace.effort[at])
+        )
+    diagnosis = replace(diagnosed(recordings, 0.0), traces=tuple(reduced))
+    rows = every_row(recordings, diagnosis)
+    slowest = 100.0 * TRUTH.noise / rows.top_mps
+    assert rows.percent(errors_at_every_row(recordings, diagnosis, rows)) < 1.5 * slowest
 
 
 def test_runs_are_left_out_as_the_diagnosis_leaves_them_out() -> None:

@@ -21,8 +21,6 @@ HEADINGS: dict[Verdict, str] = {
 # Smaller units for values below one.
 _SMALLER = {"s": ("ms", 1e3), "m/s": ("mm/s", 1e3), "m": ("mm", 1e3)}
 _UNIT_TEXT = {"effort": "of full effort", "1": "", "fraction": "", "factor": "", "ratio": ""}
-# Effects that need two wheels under one body.
-TWO_WHEELS = ("turning_scrub", "side_asymmetry", "inertia_coupling", "wheel_slip", "floor_slope")
 # Columns of a line, and places at which a mismatch is shown.
 LINE_WIDTH, MAX_PLACES = 100, 4
 # Sets of effects listed where something is unexplained.
@@ -82,16 +80,18 @@ def sections(
 
 def of_axis(diagnosis: Diagnosis) -> Diagnosis:
     """The diagnosis of a single axis without what needs a second wheel or a floor."""
-    from truing.diagnose.catalogue import CATALOGUE
+    from truing.diagnose.applicable import beyond_an_axis
+
+    beyond = beyond_an_axis()
 
     def kept(names: Iterable[str]) -> tuple[str, ...]:
-        return tuple(name for name in names if name not in TWO_WHEELS and CATALOGUE[name].domain == "wheel")
+        return tuple(name for name in names if name not in beyond)
 
     return replace(
         diagnosis,
         not_exercised=kept(diagnosis.not_exercised),
         weakly_exercised=kept(diagnosis.weakly_exercised),
-        checks=tuple(check for check in diagnosis.checks if not set(check.blocks) & set(TWO_WHEELS)),
+        checks=tuple(check for check in diagnosis.checks if not set(check.blocks) & beyond),
         numbers=tuple(entry for entry in diagnosis.numbers if entry.wheel == "left"),
         pose_fit=None,
     )

@@ -19,7 +19,7 @@ from truing.studies.real.drivetrains import read_drivetrain
 from truing.studies.real.left_out import Models, Score, score
 from truing.studies.real.peers.catalogue import LADDER, PEERS
 from truing.studies.real.peers.peer import Peer
-from truing.studies.real.row_set import RowSet, every_row, held_model, judged_rows
+from truing.studies.real.row_set import RowSet, errors_at_every_row, every_row, judged_rows
 
 OURS = "truing"
 ScoresOf = Callable[[Sequence[Peer], RowSet], dict[str, Score]]
@@ -98,9 +98,7 @@ def compare_set(
         if recordings.baseline is None:
             recordings = read_drivetrain(folder)
         began = time.process_time()
-        axis = recordings.axis is not None
-        options = Options(jobs=1, wheels_only=axis, wheel="left" if axis else None)
-        diagnosis = diagnose(recordings, options)
+        diagnosis = diagnose(recordings, Options(jobs=1))
         seconds = time.process_time() - began
         return compare(recordings, diagnosis, seconds, peers, scores_of or peer_scores)
     except FileError as error:
@@ -129,7 +127,7 @@ def compare(
         seconds,
     )
     every = every_row(recordings, diagnosis)
-    everywhere = Score(every.percent(held_model(diagnosis, every)), math.nan, seconds)
+    everywhere = Score(every.percent(errors_at_every_row(recordings, diagnosis, every)), math.nan, seconds)
     return SetComparison(
         recordings.name,
         diagnosis.verdict,
