@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from truing.arrays import FloatArray
+from truing.arrays import BoolArray, FloatArray
 
 # Longest memory that is looked for in the residuals, blocks.
 LONGEST_MEMORY = 6
@@ -32,6 +32,9 @@ CONFIDENCE = 0.95
 # Noise whose memory does not end within a run cannot be distinguished from an offset.
 LARGEST_ROOT = 0.99
 TINY = 1e-300
+# Directions of less information than this share of the largest, slopes taken at one size, are rounding
+# errors; a parameter with this part of its direction in them is not told of.
+LEAST_POWER, MIN_PART = 1e-12, 1e-3
 # Two standard deviations hold 95 % when nothing flatters; no repetition may claim less.
 MIN_QUANTILE = 1.96
 
@@ -61,7 +64,7 @@ class _RunBlocks:
 def half_widths(
     jacobian: FloatArray, residual: FloatArray, weight: FloatArray, run_of: NDArray[np.intp], block: int = 1
 ) -> FloatArray:
-    """Half widths of the 95 % intervals of the parameters, shape (p,).
+    """Half widths of the 95 % intervals of the parameters, shape (p,); infinite where the rows do not tell.
 
     Parameters
     ----------
@@ -82,10 +85,23 @@ def half_widths(
         weighted = _block_means(jacobian[rows] * weight[rows, None] ** 2, block)
         runs.append(_RunBlocks(slope, rows_per_block * weighted))
         noises.append(_block_means(residual[rows], block)[None, :])
-    inverse = np.linalg.pinv(np.sum([run.gradient.T @ run.slope for run in runs], axis=0))
+    inverse, told = _inverse(np.sum([run.gradient.T @ run.slope for run in runs], axis=0))
     found = fit_noise(noises)
     deviation = _deviations(runs, found, inverse)[0]
-    return np.asarray(deviation * _studentised_quantile(runs, found, inverse))
+    return np.where(told, deviation * _studentised_quantile(runs, found, inverse), np.inf)
+
+
+def _inverse(information: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Inverse (p, p) of an information matrix where it has one, and the parameters (p,) that it tells of.
+
+    Parameters that change the speed alike, gain and time constant of a wheel that never settles, are told
+    of together only; rounding errors would stand for the variance of each.
+    """
+    size = np.sqrt(np.maximum(np.abs(np.diag(information)), TINY))
+    left, power, right = np.linalg.svd(information / np.outer(size, size))
+    known = power > LEAST_POWER * max(float(power[0]), LEAST_POWER)
+    inverse = (right[known].T / power[known]) @ left[:, known].T / np.outer(size, size)
+    return inverse, np.asarray((np.abs(right[~known]) < MIN_PART).all(axis=0))
 
 
 def rounding_half_widths(jacobian: FloatArray, weight: FloatArray, resolution_mps: float) -> FloatArray:
@@ -141,7 +157,7 @@ def _refit_some(
         # A run-in of its own length lets the noise forget that it began at zero.
         shocks = rng.normal(0.0, np.sqrt(variance), (2 * m, AT_ONCE))
         noises.append(_unwhiten(noise.filters[0], shocks)[m:].T)
-        errors += noises[-1] @ run.gradient @ inverse
+        errors += noises[-1] @ run.gradient @ inverse.T
     rest = [values - errors @ run.slope.T for run, values in zip(runs, noises, strict=True)]
     return fit_noise(rest), errors
 
@@ -151,7 +167,8 @@ def _deviations(runs: list[_RunBlocks], noise: NoiseModel, inverse: FloatArray) 
     meat = np.zeros((len(noise.filters), *inverse.shape))
     for number, run in enumerate(runs):
         meat += _meats(run.gradient, noise.filters, noise.innovations[:, number])
-    return np.asarray(np.sqrt(np.einsum("ij,kjl,li->ki", inverse, meat, inverse)))
+    # Of a variance that rounding errors are larger than, nothing is left.
+    return np.asarray(np.sqrt(np.maximum(np.einsum("ij,kjl,il->ki", inverse, meat, inverse), 0.0)))
 
 
 def _stable(model: FloatArray, correction: FloatArray) -> FloatArray:
