@@ -278,6 +278,10 @@ def test_a_pose_from_a_file_of_its_own_joins_the_command_that_it_judges(tmp_path
     out = tmp_path / "set"
     result = run("import", log, "--pose", pose, "--wheelbase", 0.2, "--out", out, "--yes")
     assert result.exit_code == 0, result.output
+    steps = [line.split("next: ")[1] for line in result.output.splitlines() if "next: " in line]
+    assert steps == [f"truing diagnose {out} --commanded"], (
+        "no wheel was measured"
+    )
     recordings = read_recording_set(out)
     assert recordings.baseline is not None
     assert recordings.baseline.left.gain_mps == pytest.approx(0.2), "the fastest command is full effort"
@@ -290,6 +294,27 @@ def test_a_pose_from_a_file_of_its_own_joins_the_command_that_it_judges(tmp_path
     assert known == pytest.approx(0.2 * np.clip(read.t_s[~blind] - 5.0, 0.0, 15.0), abs=0.004)
     for name in ("effort_left", "vel_right_mps"):
         assert np.isfinite(read.columns[name]).all()
+
+
+@pytest.mark.parametrize(
+    ("counts", "options"),
+    [
+        (("enc_left", "enc_right"), " --counts-per-rev N --wheel-radius METRES"),
+        (("enc",), " --counts-per-rev N"),
+        (("vel_left_mps", "vel_right_mps"), ""),
+    ],
+)
+def test_the_next_command_has_the_options_that_counts_need(
+    counts: tuple[str, ...], options: str, tmp_path: Path
+) -> None:
+    log, out = tmp_path / "log.csv", tmp_path / "set"
+    efforts = ["effort"] if len(counts) == 1 else ["effort_left", "effort_right"]
+    rows = [[0.05 * k, *(0.5 for _ in efforts), *(30 * k for _ in counts)] for k in range(60)]
+    text = "\n".join(",".join(map(str, row)) for row in [["t_s", *efforts, *counts], *rows])
+    log.write_text(text + "\n")
+    said = run("import", log, "--out", out, "--yes")
+    assert said.exit_code == 0, said.output
+    assert said.output.rstrip().endswith(f"next: truing identify {out}{options}")
 
 
 def test_a_pose_on_another_clock_is_refused_with_both_times(tmp_path: Path) -> None:

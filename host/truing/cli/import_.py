@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from truing.importers.mapping import Mapping
     from truing.importers.proposal import Proposal
     from truing.recording.axis import Motion
+    from truing.recording.run import Run
 
 
 @click.command("import", no_args_is_help=True)
@@ -178,19 +180,30 @@ def command(
             ],
         }
     )
-    _print(app, imported, out)
+    _print(app, imported)
+    baseline = None
     if agreed is not None:
         kept = agreed[0].path
         replace_file(kept, agreed[1].to_toml().encode("utf-8"))
-        baseline = obedient_baseline(agreed[1], out.name, written[0][1].interval_s)
-        if baseline is not None:
-            replace_file(out / "baseline.toml", baseline.encode("utf-8"))
-            app.say(f"{out / 'baseline.toml'}: the command, obeyed at once")
-            app.say(f"next: truing diagnose {out} --commanded")
         app.say(f"{kept}: the mapping; the next file needs no question with --mapping {kept}")
+        baseline = obedient_baseline(agreed[1], out.name, written[0][1].interval_s)
+    if baseline is not None:
+        replace_file(out / "baseline.toml", baseline.encode("utf-8"))
+        app.say(f"{out / 'baseline.toml'}: the command, obeyed at once")
+        following = f"truing diagnose {out} --commanded"
+    else:
+        following = f"truing identify {out}{_scale_of_counts([run for _, run, _ in written])}"
+    app.say(f"{out}: {len(written)} runs; next: {following}")
 
 
-def _print(app: App, imported: list[Imported], out: Path) -> None:
+def _scale_of_counts(runs: Sequence[Run]) -> str:
+    """The options without which runs that hold encoder counts alone are no motion."""
+    if not all(run.has_pair("ticks") and not (run.has_pair("pos") or run.has_pair("vel")) for run in runs):
+        return ""
+    return " --counts-per-rev N" + ("" if runs[0].axis is not None else " --wheel-radius METRES")
+
+
+def _print(app: App, imported: list[Imported]) -> None:
     from rich.table import Table
 
     table = Table("run", "rows", "seconds", "Hz")
@@ -201,4 +214,3 @@ def _print(app: App, imported: list[Imported], out: Path) -> None:
     for item in imported:
         for finding in item.findings:
             app.say(f"{'put right' if finding.corrected else 'note'}: {finding}")
-    app.say(f"{out}: {sum(len(item.runs) for item in imported)} runs; next: truing identify {out}")

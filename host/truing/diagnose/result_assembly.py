@@ -93,7 +93,7 @@ def assemble_result(recordings: RecordingSet, reasoning: Reasoning) -> Diagnosis
         pose_fit=_pose_errors(reasoning, shown),
         confidence=reasoning.confidence,
         left_over_share=_left_over(reasoning),
-        recorder=recorded_signals(recordings, data),
+        recorder={} if data.commanded else recorded_signals(recordings, data),
         baseline_effects={
             name: effect_parameters(problem, shown, name, first.covariance) for name in problem.base_effects
         },

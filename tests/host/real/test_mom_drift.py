@@ -6,6 +6,7 @@ from functools import cache
 
 import pytest
 
+from truing.diagnose.present.text import sections
 from truing.studies.mom_odometry import PAPER_MODEL
 from truing.studies.real.mom import constants_runs, end_run
 from truing.studies.real.study import DriftStudy, study_drift
@@ -35,6 +36,16 @@ def test_the_drift_lowers_the_error_on_runs_that_were_left_out() -> None:
     effect = study().diagnosis.effects[0]
     assert effect.unit == "m"
     assert effect.heldout_rmse_after < 0.1 * effect.heldout_rmse_before
+
+
+def test_a_command_held_against_a_pose_says_nothing_of_wheels() -> None:
+    diagnosis = study().diagnosis
+    assert diagnosis.mismatch
+    assert not [span.signal for span in diagnosis.mismatch if span.signal.startswith("vel_")]
+    assert not diagnosis.recorder
+    said = "\n".join(line for part in sections(diagnosis) for line in part.lines)
+    assert "Error of the pose over short windows" in said
+    assert "wheels' speeds" not in said
 
 
 def test_the_printed_real_end_is_met_better_than_by_the_papers_constants() -> None:

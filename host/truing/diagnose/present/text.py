@@ -220,7 +220,9 @@ def _before_after(effect: NamedEffect, diagnosis: Diagnosis) -> str:
 
 def error_lines(diagnosis: Diagnosis) -> list[str]:
     """The free-run errors beside the noise floor."""
-    lines = [_errors(diagnosis.fit, "Free-run error of the wheels' speeds", diagnosis)]
+    lines = []
+    if diagnosis.fit.unit == "m/s":  # else a command was held against the pose, and no wheel was judged
+        lines.append(_errors(diagnosis.fit, "Free-run error of the wheels' speeds", diagnosis))
     if diagnosis.pose_fit is not None:
         lines.append(_errors(diagnosis.pose_fit, "Error of the pose over short windows", diagnosis))
     return lines
