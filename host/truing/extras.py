@@ -28,6 +28,7 @@ EXTRAS = {
     "can": Extra("a CAN bus", ("can", "isotp")),
     "bags": Extra("reading MCAP files and ROS bags", ("mcap", "rosbags")),
     "plots": Extra("drawing pictures", ("matplotlib",)),
+    "foxglove": Extra("serving Foxglove and writing MCAP files", ("foxglove",)),
     "engines": Extra("running an exported model in a physics engine", ("mujoco",)),
 }
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from support.chain import Chain
+from support.foxglove_client import FoxgloveClient
 from truing.board.drive import drive
 from truing.board.signal_stream import SIGNALS, as_columns
 from truing.errors import BoardRebooted, Refused, TruingError
@@ -118,3 +119,28 @@ def test_the_command_writes_a_csv(image: Path, native_library: Path, tmp_path: P
     lines = path.read_text().splitlines()
     assert lines[0] == "t_s,battery,x"
     assert len(lines) == 201
+
+
+def test_foxglove_shows_a_plan_while_it_is_driven(image: Path, native_library: Path, tmp_path: Path) -> None:
+    plan = tmp_path / "ahead.toml"
+    plan.write_text(Plan("ahead", "ahead", (Segment(Kind.EFFORT, 4.0, 0.4, 0.4),), 20).to_toml())
+    command = [sys.executable, "-m", "truing", "run", str(plan), "--foxglove", "127.0.0.1:0", "--set"]
+    topics = ("/signals", "/pose", "/faults")
+    with subprocess.Popen([*command, str(tmp_path / "set")], stderr=subprocess.PIPE, text=True) as running:
+        assert running.stderr is not None
+        line = next(line for line in running.stderr if line.startswith("Foxglove: "))
+        with FoxgloveClient(
+            next(word for word in line.split() if word.startswith("ws://")), topics
+        ) as client:
+            messages = list(client.messages(timeout_s=60.0))
+        told = running.stderr.read()
+    assert running.returncode == 0, told
+    by_topic = {topic: [item for item in messages if item.topic == topic] for topic in topics}
+    times = [item.time_ns for item in by_topic["/signals"]]
+    assert len(times) > 100, "a second of the plan at least, however late the client came"
+    assert set(np.diff(times)) == {10_000_000}
+    row = by_topic["/signals"][-1].content
+    assert row["ticks_left"] > 1000
+    assert by_topic["/pose"][-1].content["pose"]["position"]["x"] == pytest.approx(row["x_m"], abs=1e-9)
+    assert by_topic["/faults"][0].content["message"] == "no faults"
+    assert (tmp_path / "set" / "runs" / "01_ahead.csv").is_file()

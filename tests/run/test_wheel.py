@@ -219,7 +219,7 @@ def test_every_pin_of_the_wheel_is_the_locks(wheel: Path, root: Path) -> None:
     lock = (root / "host" / "requirements.lock").read_text(encoding="utf-8")
     pins = {line.split(" ")[0] for line in lock.splitlines() if "==" in line}
     metadata = distribution("truing")
-    extras = ("all", "bags", "can", "engines", "plots", "sim", "view")
+    extras = ("all", "bags", "can", "engines", "foxglove", "plots", "sim", "view")
     for package in closure(metadata.requires or (), extras):
         assert f"{package}=={distribution(package).version}" in pins
 
@@ -267,6 +267,8 @@ def test_the_commands_work_too(bare: Installed, arguments: list[str]) -> None:
         ("plots", ["fit", "example", "--report", "pictures"]),
         ("bags", ["identify", "drive.mcap"]),
         ("bags", ["identify", "drive.bag"]),
+        ("foxglove", ["export", "example", "--to", "mcap", "--out", "mcap"]),
+        ("foxglove", ["run", "paper/XI", "--yes", "--foxglove"]),
     ],
     ids=lambda value: value if isinstance(value, str) else value[0],
 )

@@ -11,8 +11,12 @@ from truing.diagnose.result import Diagnosis
 from truing.errors import OutputError, TruingError
 from truing.exporters import ExportOptions, exporter, exporters, write_model
 from truing.exporters.terms import DEFAULTS
+from truing.foxglove.recording_file import write_set
 from truing.recording.frames import preformatted
+from truing.recording.run import RecordingSet
 from truing.recording.writer import check_output
+
+MCAP = "mcap"
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +35,11 @@ class Exported:
 
 
 def export(
-    model: AnyModel, path: str | Path, to: str | None = None, *, options: ExportOptions = DEFAULTS
+    model: AnyModel | RecordingSet,
+    path: str | Path,
+    to: str | None = None,
+    *,
+    options: ExportOptions = DEFAULTS,
 ) -> Exported:
     """Write a model as a file of another program, and say what the file cannot hold.
 
@@ -41,7 +49,8 @@ def export(
     path : of the file.
     to : the kind: toml, mjcf, urdf, sdf, fmu, python, simulink, mat, c-header, ros2-control, wpilib; and
         after a diagnosis params, values for the board. The default is the one kind whose files end
-        as `path` does.
+        as `path` does. Recordings (what `read` returned) are written as mcap, for Foxglove: a file per
+        run into the folder `path`, or one run to the file.
     options : what a model does not say and some formats need (voltage in V, inertia in kg m^2, lengths in m).
 
     Returns
@@ -65,12 +74,21 @@ def export(
     """
     path = Path(path)
     check_output(path)
+    if isinstance(model, RecordingSet):
+        return _of_recordings(model, path, to)
     kind = to or _kind(path)
     if isinstance(model, Diagnosis):
         return _of_diagnosis(model, path, kind, options)
     robot, unused = as_robot_model(model)
     files, lines = write_model(kind, robot, path, options)
     return Exported(kind, files, (*(f"note: {note}" for note in unused), *lines))
+
+
+def _of_recordings(recordings: RecordingSet, path: Path, kind: str | None) -> Exported:
+    if kind not in (None, MCAP):
+        raise TruingError(f"recordings cannot be written as {kind}", f"Give to={MCAP!r}, or a model")
+    files = write_set(recordings, path)
+    return Exported(MCAP, files, tuple(f"written: {file}" for file in files))
 
 
 def _of_diagnosis(diagnosis: Diagnosis, path: Path, kind: str, options: ExportOptions) -> Exported:

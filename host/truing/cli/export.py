@@ -1,4 +1,4 @@
-"""`truing export`: a model becomes the file of a simulator or a controller."""
+"""`truing export`: a model becomes the file of a simulator or a controller, runs those of a dashboard."""
 
 from __future__ import annotations
 
@@ -24,19 +24,33 @@ KINDS: dict[str, str] = {
     "fmu": "FMI 2.0 co-simulation unit for Linux on x86-64, with its C sources",
 }
 
+# What is made of recordings instead of a model.
+OF_RUNS = {"mcap": "a file per run for Foxglove (and `truing import`); the argument is a set or a file"}
+
 
 class _Command(click.Command):
     """A command whose help lists the kinds below its options."""
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         with formatter.section("Kinds"):
-            formatter.write_dl([*KINDS.items(), ("all", "every kind that the model has enough for")])
+            formatter.write_dl(
+                [
+                    *KINDS.items(),
+                    ("all", "every one of these that the model has enough for"),
+                    *OF_RUNS.items(),
+                ]
+            )
 
 
 @click.command(cls=_Command, no_args_is_help=True)
 @click.argument("model", metavar="MODEL.TOML", type=click.Path(path_type=Path))
 @click.option(
-    "--to", "kind", metavar="KIND", required=True, type=click.Choice([*KINDS, "all"]), help="See below."
+    "--to",
+    "kind",
+    metavar="KIND",
+    required=True,
+    type=click.Choice([*KINDS, "all", *OF_RUNS]),
+    help="See below.",
 )
 @click.option(
     "--out",
@@ -80,7 +94,11 @@ def command(
       truing export model.toml --to mjcf --out out/robot.xml
       truing export model.toml --to fmu --out out/robot.fmu
       truing export baseline.toml --to all --out out/robot
+      truing export docs/example --to mcap --out out/mcap
     """
+    if kind in OF_RUNS:
+        _export_runs(app, model, out, wheel_radius, wheelbase)
+        return
     from truing.errors import TruingError
     from truing.exporters import ExportOptions, exporters, notes, read_model
 
@@ -111,6 +129,23 @@ def command(
             app.say(f"written: {file}")
         for note in result["notes"]:
             app.say(f"note: {result['kind']}: {note}")
+
+
+def _export_runs(
+    app: App, runs: Path, out: Path, wheel_radius: float | None, wheelbase: float | None
+) -> None:
+    """Write recordings for Foxglove."""
+    from truing.extras import require
+
+    require("foxglove")
+    from truing.foxglove.recording_file import write_set
+    from truing.importers import read_runs
+    from truing.recording.geometry import given_geometry
+
+    files = write_set(read_runs(runs, geometry=given_geometry(None, wheel_radius, wheelbase)), out)
+    app.emit({"runs": str(runs), "exports": [{"kind": "mcap", "files": [str(file) for file in files]}]})
+    for file in files:
+        app.say(f"written: {file}")
 
 
 def _file_name(name: str) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from truing.cli.app import App
+from truing.cli.foxglove_options import foxglove_options
 from truing.cli.options import board_options
 
 
@@ -20,23 +21,35 @@ from truing.cli.options import board_options
 )
 @click.option("--name", help="What to call the run, after its number.  [default: the plan's name]")
 @click.option("--yes", is_flag=True, help="Do not ask before a real robot moves.")
+@foxglove_options
 @board_options
-def command(app: App, plan: str, folder: Path | None, name: str | None, yes: bool) -> None:
+def command(
+    app: App,
+    plan: str,
+    folder: Path | None,
+    name: str | None,
+    yes: bool,
+    foxglove: str | None,
+    floor_map: Path | None,
+) -> None:
     """Drive PLAN, fetch its log, and add it to a recording set as its next run.
 
     PLAN is the name of a plan that comes with truing (`truing plan list`) or a TOML file. Before anything
     moves, truing says how much floor the plan needs and how fast the robot will go. Ctrl-C stops the wheels.
+    With --foxglove its signals, pose and faults can be watched in Foxglove while it drives.
 
     \b
     Examples:
       truing run paper/XI
-      truing --port /dev/ttyUSB0 run my_plan.toml --set my_robot
+      truing --port /dev/ttyUSB0 run my_plan.toml --set my_robot --foxglove
     """
     from truing.cli.driving import drive_and_save
     from truing.plan import load_plan
 
     loaded = load_plan(plan)
-    saved = drive_and_save(app, loaded, folder, name or loaded.name.replace("/", "_"), ask=not yes)
+    label = name or loaded.name.replace("/", "_")
+    serve = None if foxglove is None else (foxglove, floor_map)
+    saved = drive_and_save(app, loaded, folder, label, ask=not yes, serve=serve)
     app.emit(saved.to_dict())
     app.say(
         f"log {saved.fetched.log.log_id}: {len(saved.run)} records at {saved.fetched.log.rate_hz} Hz, "

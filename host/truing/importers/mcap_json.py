@@ -2,7 +2,8 @@
 
 `TOPIC.log_time` and `TOPIC.publish_time` are the file's own stamps, in seconds since its first message.
 The topic that `t_s` comes from gives the rows; a number from another topic is the last one that was logged
-by then.
+by then. A file of truing's own (`truing export --to mcap`, or what Foxglove recorded of `truing stream`)
+needs no mapping: its topic `/signals` names its fields as a run's columns.
 """
 
 from __future__ import annotations
@@ -18,14 +19,17 @@ import numpy as np
 from truing.arrays import FloatArray
 from truing.errors import CutOffError, RecordingError
 from truing.extras import require
+from truing.recording.run import COMMAND_PAIR, NUMERIC_COLUMNS, REQUIRED_COLUMNS
 
 from .foreign import Finding, ForeignTest, ImportOptions
-from .mapped_csv import find_mapping
-from .mapping import Mapping, apply
+from .mapped_csv import find_mapping, has_mapping
+from .mapping import Mapping, Source, apply
 
 KIND = "MCAP with JSON messages"
 MAGIC = b"\x89MCAP0\r\n"
 JSON = "json"
+# The topic of truing's own files.
+OWN_TOPIC = "/signals"
 
 
 @dataclass(slots=True)
@@ -74,8 +78,23 @@ def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Fi
         raise RecordingError(path, "holds no whole JSON message")
     for channel in channels.values():
         channel.sort()
-    mapping = find_mapping(path, options)
+    own = None if has_mapping(path, options) else _own_mapping(path, channels)
+    mapping = own or find_mapping(path, options)
     return apply(mapping, _table(path, mapping, channels, texts), path), findings
+
+
+def _own_mapping(path: Path, channels: dict[str, Channel]) -> Mapping | None:
+    """The columns of truing's own topic under their own names, or None where there is none.
+
+    Commands stay behind: their unit is a row's mode, and an imported run has none.
+    """
+    if OWN_TOPIC not in channels:
+        return None
+    names = {name for row in channels[OWN_TOPIC].rows for name in row}
+    taken = names & NUMERIC_COLUMNS - set(COMMAND_PAIR)
+    if not taken.issuperset(REQUIRED_COLUMNS):
+        return None
+    return Mapping(path, {name: Source(f"{OWN_TOPIC}.{name}", scaled=True) for name in sorted(taken)})
 
 
 def _messages(path: Path) -> Iterator[tuple[str, str, tuple[float, float], bytes]]:
