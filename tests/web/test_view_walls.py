@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 
 import pytest
 
+from support.served_board import ServedBoard
+from truing.board.device import Device
+from truing.errors import Refused
 from truing.web.pose import Pose
+from truing.web.process.robot_side import served_robot
 from truing.web.process.walls import GRIP_NM, Collisions, Walls, walls_json
 from truing.web.world.world_map import BODY_M, WorldMap
 from web.live_client import LiveClient
@@ -78,6 +83,36 @@ def test_walls_stand_in_the_world_and_not_in_the_robots_own_coordinates():
     walls = Walls.of_json(walls_json(world, Pose(0.0, 0.0, math.pi / 2)), BODY_M)
     assert walls.blocks(Pose(1.0, 0.0))
     assert not walls.blocks(Pose(0.0, 1.0))
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("image", "native_library")
+def test_the_robot_of_a_served_board_collides_too(tmp_path, monkeypatch):
+    monkeypatch.setenv("TRUING_OUT", str(tmp_path))
+    (tmp_path / "boards").mkdir()
+    # The note of a board that was killed.
+    (tmp_path / "boards/0.json").write_text(
+        '{"ports": ["tcp:127.0.0.1:1"], "world": ["127.0.0.1", 1], "seed": 1}'
+    )
+    assert served_robot("tcp:127.0.0.1:1") is None
+    world = WorldMap.empty()
+    world.paint_stroke([(0.5, -2.0), (0.5, 2.0)], 0.05, True)
+    with ServedBoard(tmp_path) as board, Device.open(board.tcp) as device:
+        robot = served_robot(board.tcp)
+        assert robot is not None
+        robot.set_walls(world, Pose())
+        until = time.monotonic() + 30.0
+        while not device.status().latched and time.monotonic() < until:
+            with contextlib.suppress(Refused):  # the fault came meanwhile
+                device.set_velocity(0.4, 0.4)
+            time.sleep(0.05)
+        assert {fault.name for fault in device.status().latched} & {
+            "wheel_left_stalled",
+            "wheel_right_stalled",
+        }
+        assert robot.truth is not None
+        assert robot.truth.x_m == pytest.approx(0.5 - BODY_M, abs=0.06)
+        robot.close()
 
 
 @pytest.mark.slow

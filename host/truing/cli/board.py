@@ -71,6 +71,7 @@ def command(
     """Start a virtual board that runs the image that is flashed; Ctrl-C ends it.
 
     One host at a time can be connected. What the board holds (logs, parameters) stays while it runs.
+    A `truing view` on this machine gives its robot the walls of the view's world.
 
     \b
     Examples:
@@ -82,6 +83,8 @@ def command(
     from truing.errors import PortError
     from truing.virtual.board import make_virtual_robot
     from truing.virtual.options import VirtualOptions
+    from truing.web.process.board_note import BoardNote, leave_note
+    from truing.web.process.robot_world import WorldPort
 
     address = _address(tcp)
     if address is None and not pty and link is None and can is None:
@@ -99,7 +102,11 @@ def command(
                 f"{where}: cannot be opened ({error.strerror or error})",
                 "another virtual board may be running; choose another with --tcp PORT (0: any free one)",
             ) from error
-        with contextlib.closing(server), contextlib.suppress(KeyboardInterrupt):
+        with (
+            contextlib.closing(server),
+            contextlib.closing(WorldPort(virtual)) as world,
+            contextlib.suppress(KeyboardInterrupt),
+        ):
             ports = []
             if server.tcp is not None:
                 ports.append(f"tcp:{server.tcp.address[0]}:{server.tcp.address[1]}")
@@ -110,9 +117,13 @@ def command(
             app.emit({"ports": ports})
             for port in ports:
                 app.say(f"connect with: truing --port {port} info")
+            note = leave_note(BoardNote(ports, world.address, virtual_board.seed))
             # Whoever started this in the background waits for these lines.
             sys.stdout.flush()
-            server.run()
+            try:
+                server.run(world)
+            finally:
+                note.unlink(missing_ok=True)
     app.note("virtual board stopped")
 
 

@@ -17,6 +17,7 @@ from truing.web.models.error_model import Kind, ModelChoice, load_model
 from truing.web.pose import Pose
 from truing.web.process.diagnosis_job import DiagnosisJob
 from truing.web.process.helper import HelperProcess
+from truing.web.process.robot_side import RobotSide, served_robot
 from truing.web.process.virtual_board import VirtualBoardProcess
 from truing.web.worker.board_worker import BoardWorker
 from truing.web.worker.source import POLL_HZ, open_source
@@ -49,13 +50,15 @@ class ViewSession:
 
     Attributes
     ----------
+    virtual : the robot of a virtual board, this view's own or a served one; None for a real robot.
     stops : how often a user has pressed STOP, on any page.
     """
 
     def __init__(self, options: ViewOptions) -> None:
         self.options = options
-        self.virtual = VirtualBoardProcess(options.virtual) if options.port == "sim" else None
-        self.port = options.port if self.virtual is None else self.virtual.port
+        self._own_board = VirtualBoardProcess(options.virtual) if options.port == "sim" else None
+        self.port = options.port if self._own_board is None else self._own_board.port
+        self.virtual: RobotSide | None = self._own_board
         self.lock = DriverLock(self._driver_released)
         self.worker = BoardWorker(
             self._connect,
@@ -184,7 +187,7 @@ class ViewSession:
             raise TruingError("another page drives this robot", "wait until it releases control")
         if self.virtual is not None:
             # In the run's metadata it says that the run is a virtual robot's, and which.
-            request = replace(request, seed=self.options.virtual.seed)
+            request = replace(request, seed=self.virtual.seed)
         self.worker.run_plan(request)
         self._latched_stop = 0
 
@@ -275,10 +278,21 @@ class ViewSession:
         stream = open_stream(self.port, self.options.virtual)
         client = Client(stream, timing=Timing(patience_s=_PATIENCE_S))
         try:
-            return Device(client)
+            device = Device(client)
         except BaseException:
             client.close()
             raise
+        self._meet_robot()
+        return device
+
+    def _meet_robot(self) -> None:
+        """Find out whether a virtual robot is behind the port; one that was started anew is another one."""
+        if self.virtual is not None and self.virtual.is_open:
+            return
+        if self.virtual is not None:
+            self.virtual.close()
+        self.virtual = served_robot(self.port)
+        self.truth_base = self._walls = None
 
 
 def _default_world() -> WorldMap:

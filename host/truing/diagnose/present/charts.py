@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 from typing import Any
 
@@ -163,11 +164,30 @@ def _points(x: FloatArray, y: FloatArray, marked: Any, colour: str, name: str) -
     }
 
 
-def run_traces(trace: RunTraces, *, named: bool) -> Figure:
-    """Measured and simulated speeds of one run above, their residuals below."""
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """A wheel's speed as recorded, shape (n,), m/s."""
+
+    wheel: Wheel
+    t_s: FloatArray
+    speed_mps: FloatArray
+
+
+def run_traces(trace: RunTraces, *, named: bool, untrusted: Recorded | None = None) -> Figure:
+    """Measured and simulated speeds of one run above, their residuals below.
+
+    Parameters
+    ----------
+    untrusted : the wheel that the diagnosis left out; it is drawn as recorded, by itself.
+    """
     data: list[dict[str, Any]] = []
     middle = trace.t_s - 0.5 * trace.interval_s
     for column, wheel in enumerate(WHEELS):
+        if untrusted is not None and untrusted.wheel == wheel:
+            line = {"color": COLOURS[wheel], "width": 1.2, "dash": "dot"}
+            name = f"{wheel}, recorded (not trusted)"
+            data.append(_curve(untrusted.t_s, untrusted.speed_mps, name, line))
+            continue
         group = {"legendgroup": wheel}
         measured = np.where(trace.valid[:, column], trace.measured[:, column], np.nan)
         colour = COLOURS[wheel]

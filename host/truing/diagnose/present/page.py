@@ -258,12 +258,30 @@ class _Page:
             share[span.run] = share.get(span.run, 0.0) + span.share
         parts = ["<h2>Every run, measured and simulated</h2>"]
         for number, trace in enumerate(traces, start=1):
-            place = self._add(f"run-{number}", charts.run_traces(trace, named=self.named))
+            place = self._add(
+                f"run-{number}",
+                charts.run_traces(trace, named=self.named, untrusted=self._untrusted(trace.run)),
+            )
             held = share.get(trace.run, 0.0)
             text = f"{100.0 * held:.0f} % of the mismatch lies in this run." if held > 0.0 else ""
             lead = f'<p class="lead">{text}</p>' if text else ""
             parts.append(f'<section class="run">{lead}<div class="plots single">{place}</div></section>')
         return "".join(parts)
+
+    def _untrusted(self, name: str) -> charts.Recorded | None:
+        """What the wheel with a faulty encoder recorded in a run."""
+        wheel = next(
+            (
+                one.wheel
+                for one in self.diagnosis.checks
+                if one.topic == "encoder" and one.severity == "warning"
+            ),
+            None,
+        )
+        run = next((run for run in self.recordings if run.name == name), None)
+        if wheel is None or run is None:
+            return None
+        return charts.Recorded(wheel, run.t_s, run.speed(wheel, self.recordings.robot).values)
 
     def _add(self, name: str, figure: Figure) -> str:
         self.figures[name] = figure

@@ -1,4 +1,4 @@
-"""Starts the virtual board's process and reads the true pose that it publishes."""
+"""Starts the view's own virtual board as a process."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ import orjson
 
 from truing.errors import VirtualBoardError
 from truing.virtual.options import VirtualOptions
-from truing.web.pose import Pose
-from truing.web.process.walls import walls_json
-from truing.web.world.world_map import WorldMap
+from truing.web.process.robot_side import RobotSide
 
 _START_S = 30.0
 
 
-class VirtualBoardProcess:
+class VirtualBoardProcess(RobotSide):
     """A virtual board as a child process, reachable at `port`."""
 
     def __init__(self, options: VirtualOptions) -> None:
+        super().__init__(options.seed)
         content = {
             "seed": options.seed,
             "image": None if options.image is None else str(options.image),
@@ -36,7 +35,6 @@ class VirtualBoardProcess:
             # Ctrl-C in the terminal must reach only the view, which stops the robot first.
             start_new_session=True,
         )
-        self._truth: Pose | None = None
         self.port = ""
         ready = threading.Event()
         self._problem = ("its process ended immediately", "")
@@ -46,19 +44,9 @@ class VirtualBoardProcess:
             raise VirtualBoardError(f"the virtual board cannot start: {self._problem[0]}", self._problem[1])
 
     @property
-    def truth(self) -> Pose | None:
-        """The robot's true pose, from (0, 0, 0) at power-up."""
-        return self._truth
-
-    def set_walls(self, world: WorldMap, base: Pose) -> None:
-        """Give the robot walls; `base` is where its own coordinates begin in the world.
-
-        From one thread only.
-        """
-        assert self._process.stdin is not None
-        with contextlib.suppress(OSError, ValueError):  # it has ended, which its link tells
-            self._process.stdin.write(orjson.dumps(walls_json(world, base)) + b"\n")
-            self._process.stdin.flush()
+    def is_open(self) -> bool:
+        """Whether its process runs."""
+        return self._process.poll() is None
 
     def close(self) -> None:
         """End the board."""
@@ -71,19 +59,19 @@ class VirtualBoardProcess:
         if self._process.stdout is not None:
             self._process.stdout.close()
 
+    def _write(self, content: dict[str, Any]) -> None:
+        assert self._process.stdin is not None
+        with contextlib.suppress(OSError, ValueError):  # it has ended, which its link tells
+            self._process.stdin.write(orjson.dumps(content) + b"\n")
+            self._process.stdin.flush()
+
     def _listen(self, ready: threading.Event) -> None:
         assert self._process.stdout is not None
         with contextlib.suppress(ValueError, OSError):  # closed by close()
             for line in self._process.stdout:
-                try:
-                    content: dict[str, Any] = json.loads(line)
-                except ValueError:
-                    continue
-                if "truth" in content:
-                    _, x, y, theta = content["truth"]
-                    self._truth = Pose(x, y, theta)
-                    continue
-                self.port = content.get("port", "")
-                self._problem = content.get("error", ""), content.get("next", "")
-                ready.set()
+                content = self._take(line)
+                if content:
+                    self.port = content.get("port", "")
+                    self._problem = content.get("error", ""), content.get("next", "")
+                    ready.set()
         ready.set()

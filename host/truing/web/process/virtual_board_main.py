@@ -1,8 +1,6 @@
-"""Process that runs a virtual board in real time and writes the robot's true pose to standard output.
+"""Process that runs a virtual board in real time; its robot's side is on the standard streams.
 
-In a process of its own the emulated CPU neither delays the pages nor waits for them. The true pose takes the
-place of an external tracking camera: simulated sensors measure from there. Standard input brings the walls of
-the world, with which the robot collides.
+In a process of its own the emulated CPU neither delays the pages nor waits for them.
 """
 
 from __future__ import annotations
@@ -13,16 +11,11 @@ import sys
 import threading
 from pathlib import Path
 
-from hil_sim import VirtualRobot
 from hil_sim.serve import ServeOptions, Server
 from truing.errors import TruingError
 from truing.virtual.board import make_virtual_robot
 from truing.virtual.options import VirtualOptions
-from truing.web.pose import Pose
-from truing.web.process.walls import Collisions, Walls
-from truing.web.world.world_map import BODY_M
-
-_TRUTH_EVERY_US = 20_000
+from truing.web.process.robot_world import Robot, RobotWorld
 
 
 def main(arguments: list[str]) -> int:
@@ -38,47 +31,41 @@ def main(arguments: list[str]) -> int:
             assert server.tcp is not None
             _write_line({"port": "tcp:{}:{}".format(*server.tcp.address)})
             os.set_blocking(sys.stdout.fileno(), False)
-            server.run(_TruthPublisher(robot))
+            server.run(_UntilTheParentEnds(robot))
     except TruingError as error:
         _write_line({"error": error.message, "next": error.next_step})
         return error.exit_code
     return 0
 
 
-class _TruthPublisher:
-    """Stop condition that the server calls after every time slice; it also publishes the true pose."""
+class _UntilTheParentEnds:
+    """Stop condition that the server calls after every time slice; it also steps the robot's world."""
 
-    def __init__(self, robot: VirtualRobot) -> None:
-        self._robot = robot
+    def __init__(self, robot: Robot) -> None:
         self._parent = os.getppid()
-        self._due_us = 0
-        self._collisions = Collisions(robot)
-        threading.Thread(target=self._read_walls, name="walls", daemon=True).start()
+        self._closed = False
+        self._world = RobotWorld(robot, self._publish)
+        threading.Thread(target=self._read, name="world", daemon=True).start()
 
     def __call__(self) -> bool:
-        if self._collisions.walls is not None:
-            truth = self._robot.truth()
-            self._collisions.step(self._robot.time_us, Pose(truth.x_m, truth.y_m, truth.theta_rad))
-        if self._robot.time_us < self._due_us:
-            return False
-        self._due_us = self._robot.time_us + _TRUTH_EVERY_US
-        truth = self._robot.truth()
+        self._world.step()
+        return self._closed or os.getppid() != self._parent
+
+    def _publish(self, line: bytes) -> None:
         try:
-            _write_line({"truth": [truth.time_s, truth.x_m, truth.y_m, truth.theta_rad]})
+            # One write of one short line is atomic on a pipe.
+            os.write(sys.stdout.fileno(), line)
         except BlockingIOError:
             pass  # a slow reader gets the next one
         except OSError:
-            return True
-        return os.getppid() != self._parent
+            self._closed = True
 
-    def _read_walls(self) -> None:
-        """The world from standard input, a line of JSON for each state of it."""
+    def _read(self) -> None:
         for line in sys.stdin.buffer:
-            self._collisions.walls = Walls.of_json(json.loads(line), BODY_M)
+            self._world.receive(line)
 
 
 def _write_line(content: dict[str, object]) -> None:
-    # One write of one short line is atomic on a pipe.
     os.write(sys.stdout.fileno(), (json.dumps(content) + "\n").encode())
 
 
