@@ -279,9 +279,7 @@ def test_a_pose_from_a_file_of_its_own_joins_the_command_that_it_judges(tmp_path
     result = run("import", log, "--pose", pose, "--wheelbase", 0.2, "--out", out, "--yes")
     assert result.exit_code == 0, result.output
     steps = [line.split("next: ")[1] for line in result.output.splitlines() if "next: " in line]
-    assert steps == [f"truing diagnose {out} --commanded"], (
-        "no wheel was measured"
-    )
+    assert steps == [f"truing diagnose {out} --commanded"], "no wheel was measured"
     recordings = read_recording_set(out)
     assert recordings.baseline is not None
     assert recordings.baseline.left.gain_mps == pytest.approx(0.2), "the fastest command is full effort"

@@ -1,4 +1,4 @@
-"""The intervals of fitted parameters where the rows hardly tell the parameters apart."""
+"""The intervals of fitted parameters where the rows hardly distinguish the parameters."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def slopes(difference: float) -> Array:
 
 @pytest.mark.parametrize("difference", [0.0, 1e-16, 1e-10, 1e-8, 1e-7])
 @pytest.mark.filterwarnings("error")
-def test_parameters_that_cannot_be_told_apart_have_no_interval(difference: float) -> None:
+def test_indistinguishable_parameters_have_no_interval(difference: float) -> None:
     """Rounding errors stood for them: nan, or an interval as narrow as one likes."""
     widths = found(slopes(difference))
     assert np.isinf(widths[:2]).all()

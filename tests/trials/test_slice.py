@@ -56,7 +56,7 @@ def test_knocks_are_scored_by_where_they_are(tmp_path: Path, native_library: Pat
     assert not one.named
     assert one.measured["covered"] > 0.5
     assert one.place_right
-    # A knock of some hundredths of a second leaves most of a run as it was.
+    # An impulse of some hundredths of a second leaves most of a run as it was.
     with np.load(tmp_path / "judged" / "truth.npz") as truth:
         energy = (truth["speed"] - truth["plain_speed"]) ** 2
     assert np.sort(energy.ravel())[::-1].cumsum()[energy.size // 4] > 0.8 * energy.sum()

@@ -149,11 +149,11 @@ def _pause(device: Device, seconds: float) -> None:
 def board_fault(status: BoardStatus) -> BoardFault:
     """The exception for a board that has stopped by itself."""
     names = tuple(fault.name for fault in status.latched)
-    told = "; ".join(f"{fault.name}: {fault.cause}" for fault in status.latched)
+    causes = "; ".join(f"{fault.name}: {fault.cause}" for fault in status.latched)
     steps = "; ".join(fault.next_step for fault in status.latched)
     return BoardFault(
         names,
-        f"the board stopped the wheels: {told}",
+        f"the board stopped the wheels: {causes}",
         f"{steps}; `truing faults --clear` when the cause is gone; the log so far: `truing log fetch`",
     )
 

@@ -154,17 +154,17 @@ class Channels:
 
     def fault(self, time_ns: int, fault: FaultInfo, *, gone: bool) -> None:
         """A fault that has come or gone."""
-        told = f"{fault.name} has gone" if gone else f"{fault.name}: {fault.cause}. Next: {fault.next_step}"
-        self._log(time_ns, told, "Info" if gone else "Error")
+        text = f"{fault.name} has gone" if gone else f"{fault.name}: {fault.cause}. Next: {fault.next_step}"
+        self._log(time_ns, text, "Info" if gone else "Error")
 
     def no_fault(self, time_ns: int) -> None:
         """That there is no fault."""
         self._log(time_ns, "no faults", "Info")
 
-    def _log(self, time_ns: int, told: str, level: str) -> None:
+    def _log(self, time_ns: int, message: str, level: str) -> None:
         from foxglove.messages import Log, LogLevel
 
-        log = Log(timestamp=_stamp(time_ns), level=getattr(LogLevel, level), message=told, name="faults")
+        log = Log(timestamp=_stamp(time_ns), level=getattr(LogLevel, level), message=message, name="faults")
         self._channel("/faults", "LogChannel").log(log, log_time=time_ns)
 
     def _pose(self, topic: str, time_ns: int, frame: str, pose: tuple[float, float, float]) -> None:

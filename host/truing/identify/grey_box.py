@@ -248,14 +248,14 @@ def _quantities(
     raw[judged] = slopes[judged] / weights[judged, None]
     residual = fit.predicted_mps - signal.speed_mps
     strength = np.sqrt(np.einsum("ij,ij->j", slopes, slopes))
-    told = strength > 1e-9 * max(float(strength.max()), 1e-300)
-    margins = np.zeros(len(told))
+    influential = strength > 1e-9 * max(float(strength.max()), 1e-300)
+    margins = np.zeros(len(influential))
     block = max(1, round(BLOCK_SHARE * fit.physics.time_constant_s / float(signal.excitation.interval_s[0])))
     if intervals:
         run_of_row = signal.run_of_row.astype(np.intp)
-        found = half_widths(raw[:, told], residual, weights, run_of_row, block)
+        found = half_widths(raw[:, influential], residual, weights, run_of_row, block)
         shown = shown_resolution(signal.speed_mps, signal.resolution_mps)
-        margins[told] = np.maximum(found, rounding_half_widths(raw[:, told], weights, shown))
+        margins[influential] = np.maximum(found, rounding_half_widths(raw[:, influential], weights, shown))
 
     why_not = why_no_time_constant(signal, fit) if intervals else None
     values = fit.physics.to_vector()
@@ -264,7 +264,7 @@ def _quantities(
     for k, name in enumerate(fit.structure.free):
         unit = UNITS.get(name, RATIO)
         value = float(values[PHYSICS_FIELDS.index(name)])
-        reason = None if told[k] else "these runs do not depend on it"
+        reason = None if influential[k] else "these runs do not depend on it"
         if why_not is not None and name in DYNAMIC:
             reason = why_not
         ends = _interval(name, value, float(margins[k]))

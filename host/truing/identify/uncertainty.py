@@ -33,8 +33,8 @@ CONFIDENCE = 0.95
 LARGEST_ROOT = 0.99
 TINY = 1e-300
 # Directions of less information than this share of the largest, slopes taken at one size, are rounding
-# errors; a parameter with this part of its direction in them is not told of.
-LEAST_POWER, MIN_PART = 1e-12, 1e-3
+# errors; a parameter with this part of its direction in them is not determined.
+MIN_POWER, MIN_PART = 1e-12, 1e-3
 # Two standard deviations hold 95 % when nothing flatters; no repetition may claim less.
 MIN_QUANTILE = 1.96
 
@@ -64,7 +64,7 @@ class _RunBlocks:
 def half_widths(
     jacobian: FloatArray, residual: FloatArray, weight: FloatArray, run_of: NDArray[np.intp], block: int = 1
 ) -> FloatArray:
-    """Half widths of the 95 % intervals of the parameters, shape (p,); infinite where the rows do not tell.
+    """Half widths of the parameters' 95 % intervals, shape (p,); infinite where the rows determine none.
 
     Parameters
     ----------
@@ -85,21 +85,21 @@ def half_widths(
         weighted = _block_means(jacobian[rows] * weight[rows, None] ** 2, block)
         runs.append(_RunBlocks(slope, rows_per_block * weighted))
         noises.append(_block_means(residual[rows], block)[None, :])
-    inverse, told = _inverse(np.sum([run.gradient.T @ run.slope for run in runs], axis=0))
+    inverse, determined = _inverse(np.sum([run.gradient.T @ run.slope for run in runs], axis=0))
     found = fit_noise(noises)
     deviation = _deviations(runs, found, inverse)[0]
-    return np.where(told, deviation * _studentised_quantile(runs, found, inverse), np.inf)
+    return np.where(determined, deviation * _studentised_quantile(runs, found, inverse), np.inf)
 
 
 def _inverse(information: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Inverse (p, p) of an information matrix where it has one, and the parameters (p,) that it tells of.
+    """Inverse (p, p) of an information matrix where it has one, and the parameters (p,) that it determines.
 
-    Parameters that change the speed alike, gain and time constant of a wheel that never settles, are told
-    of together only; rounding errors would stand for the variance of each.
+    Parameters that change the speed alike, gain and time constant of a wheel that never settles, are
+    determined together only; rounding errors would stand for the variance of each.
     """
     size = np.sqrt(np.maximum(np.abs(np.diag(information)), TINY))
     left, power, right = np.linalg.svd(information / np.outer(size, size))
-    known = power > LEAST_POWER * max(float(power[0]), LEAST_POWER)
+    known = power > MIN_POWER * max(float(power[0]), MIN_POWER)
     inverse = (right[known].T / power[known]) @ left[:, known].T / np.outer(size, size)
     return inverse, np.asarray((np.abs(right[~known]) < MIN_PART).all(axis=0))
 

@@ -70,8 +70,8 @@ def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Fi
             if encoding == JSON:
                 _add(path, channels.setdefault(topic, Channel()), texts, topic, (logged, published), data)
     except CutOffError as stop:
-        told = f"the file ends early or is damaged ({stop.problem}); read up to there"
-        findings = [Finding("cut_off", told)]
+        text = f"the file ends early or is damaged ({stop.problem}); read up to there"
+        findings = [Finding("cut_off", text)]
     else:
         findings = []
     if not channels:

@@ -133,10 +133,10 @@ def _gap_lines(scores: Sequence[Score]) -> list[str]:
         gaps["truing"].append(float(own))
         for name, value in each.measured.get("opinion_gaps", {}).items():
             gaps.setdefault(name, []).append(float(value))
-    told = [f"{name} {np.median(values):.2f} (of {len(values)})" for name, values in gaps.items() if values]
-    if not told:
+    listed = [f"{name} {np.median(values):.2f} (of {len(values)})" for name, values in gaps.items() if values]
+    if not listed:
         return []
-    return [f"Gap closed, median: {', '.join(told)}; the true structure refitted 1 by definition.", ""]
+    return [f"Gap closed, median: {', '.join(listed)}; the true structure refitted 1 by definition.", ""]
 
 
 def _strength_rows(scores: Sequence[Score]) -> list[str]:

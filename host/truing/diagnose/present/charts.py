@@ -173,20 +173,20 @@ class Recorded:
     speed_mps: FloatArray
 
 
-def run_traces(trace: RunTraces, *, named: bool, untrusted: Recorded | None = None) -> Figure:
+def run_traces(trace: RunTraces, *, named: bool, left_out: Recorded | None = None) -> Figure:
     """Measured and simulated speeds of one run above, their residuals below.
 
     Parameters
     ----------
-    untrusted : the wheel that the diagnosis left out; it is drawn as recorded, by itself.
+    left_out : the wheel that the diagnosis left out; it is drawn as recorded, by itself.
     """
     data: list[dict[str, Any]] = []
     middle = trace.t_s - 0.5 * trace.interval_s
     for column, wheel in enumerate(WHEELS):
-        if untrusted is not None and untrusted.wheel == wheel:
+        if left_out is not None and left_out.wheel == wheel:
             line = {"color": COLOURS[wheel], "width": 1.2, "dash": "dot"}
             name = f"{wheel}, recorded (not trusted)"
-            data.append(_curve(untrusted.t_s, untrusted.speed_mps, name, line))
+            data.append(_curve(left_out.t_s, left_out.speed_mps, name, line))
             continue
         group = {"legendgroup": wheel}
         measured = np.where(trace.valid[:, column], trace.measured[:, column], np.nan)

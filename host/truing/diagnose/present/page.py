@@ -260,7 +260,7 @@ class _Page:
         for number, trace in enumerate(traces, start=1):
             place = self._add(
                 f"run-{number}",
-                charts.run_traces(trace, named=self.named, untrusted=self._untrusted(trace.run)),
+                charts.run_traces(trace, named=self.named, left_out=self._left_out_wheel(trace.run)),
             )
             held = share.get(trace.run, 0.0)
             text = f"{100.0 * held:.0f} % of the mismatch lies in this run." if held > 0.0 else ""
@@ -268,7 +268,7 @@ class _Page:
             parts.append(f'<section class="run">{lead}<div class="plots single">{place}</div></section>')
         return "".join(parts)
 
-    def _untrusted(self, name: str) -> charts.Recorded | None:
+    def _left_out_wheel(self, name: str) -> charts.Recorded | None:
         """What the wheel with a faulty encoder recorded in a run."""
         wheel = next(
             (
