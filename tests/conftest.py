@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import sys
 import time
 from pathlib import Path
 
@@ -79,6 +80,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if _shares_with_module(item) and item.get_closest_marker("xdist_group") is None:
             item.add_marker(pytest.mark.xdist_group(item.nodeid.split("::")[0]))
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
+_IMPORTED = pytest.StashKey[frozenset[str]]()
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    session.config.stash[_IMPORTED] = frozenset(sys.modules)
+
+
+@pytest.fixture(scope="session")
+def imported_at_collection(pytestconfig: pytest.Config) -> frozenset[str]:
+    """Names of the modules that were imported when all tests of this process had been collected."""
+    return pytestconfig.stash[_IMPORTED]
 
 
 def _shares_with_module(item: pytest.Item) -> bool:
