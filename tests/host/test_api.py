@@ -11,11 +11,14 @@ import numpy as np
 import pytest
 
 import truing
+from support.shared_diagnosis import GROUP, diagnosed_once
 from truing.diagnose.result import Diagnosis
 from truing.errors import RecordingError, TruingError
 from truing.identify.first_baseline import with_first_baseline
 from truing.recording.baseline import RobotGeometry
 from truing.recording.run import RecordingSet
+
+pytestmark = pytest.mark.xdist_group(GROUP)
 
 EXAMPLE = Path(__file__).parents[2] / "docs/example"
 VERBS = ("diagnose", "export", "fit", "identify", "read", "simulate")
@@ -40,7 +43,8 @@ def example() -> RecordingSet:
 @pytest.fixture(scope="module")
 def diagnosis(example: RecordingSet) -> Diagnosis:
     """One diagnosis for all tests."""
-    return truing.diagnose(example)
+    with diagnosed_once():
+        return truing.diagnose(example)
 
 
 @pytest.fixture

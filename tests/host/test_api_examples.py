@@ -7,7 +7,6 @@ import doctest
 import importlib
 import io
 import json
-import pickle
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,10 +14,9 @@ from typing import Any
 import pytest
 
 from support.console import difference
-from truing.api import diagnosing
-from truing.diagnose.diagnosis_input import Options
-from truing.diagnose.result import Diagnosis
-from truing.recording.run import RecordingSet
+from support.shared_diagnosis import GROUP, diagnosed_once
+
+pytestmark = pytest.mark.xdist_group(GROUP)
 
 ROOT = Path(__file__).parents[2]
 MODULES = ("reading", "identifying", "simulating", "exporting", "diagnosing")
@@ -44,19 +42,8 @@ def run(test: doctest.DocTest) -> int:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def diagnosed_once() -> Iterator[None]:
-    """Examples that diagnose the same recordings with the same options share it: each takes 6 s."""
-    made: dict[bytes, Diagnosis] = {}
-    diagnose = diagnosing.diagnose_recordings
-
-    def once(recordings: RecordingSet, options: Options, *more: Any) -> Diagnosis:
-        key = pickle.dumps((recordings, options))
-        if key not in made:
-            made[key] = diagnose(recordings, options, *more)
-        return made[key]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(diagnosing, "diagnose_recordings", once)
+def _diagnosed_once() -> Iterator[None]:
+    with diagnosed_once():
         yield
 
 
