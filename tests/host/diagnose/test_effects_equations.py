@@ -102,13 +102,16 @@ CASES: dict[str, tuple[Force, Dry | None, dict[str, float]]] = {
     "turning_scrub": (scrubbed, None, {"scrub": 0.1}),
     "inertia_coupling": (coupled, None, {"coupling": 0.3}),
 }
+JUMPING = ("coulomb_friction", "stribeck_friction", "direction_asymmetry", "turning_scrub")
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_an_effect_follows_its_equation(name: str) -> None:
     force, dry, values = CASES[name]
     data = still()
-    reference = np.concatenate([fine(effort, force, dry) for effort in RICH])
+    # Where no force jumps at standstill, 0.5 ms and 0.1 ms are within 3e-7 m/s of each other; else 1e-4.
+    step_s = 1e-4 if name in JUMPING else 5e-4
+    reference = np.concatenate([fine(effort, force, dry, step_s=step_s) for effort in RICH])
     assert rms(data, simulate(data, name, **values) - reference) < CLOSE_MPS
     assert rms(data, reference - simulate(data, name)) > 50 * CLOSE_MPS
 
