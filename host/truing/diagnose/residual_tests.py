@@ -24,6 +24,7 @@ from truing.diagnose.fit import Fit
 from truing.diagnose.held_out import folds_of
 from truing.diagnose.noise import Noise, whiten, whiten_wheel
 from truing.diagnose.problem import Problem
+from truing.model.compiled import compiled
 
 RIDGES = (3.0, 30.0, 300.0, 3000.0)
 # Longest lag of the past-effort regressors, s.
@@ -272,10 +273,25 @@ def _lag(data: SetData, columns: FloatArray, tau: float) -> FloatArray:
 
 
 def _one_pole(gain: float, pole: complex, values: FloatArray) -> NDArray[Any]:
-    """y[n] = pole y[n - 1] + gain values[n], along the first axis."""
-    from scipy.signal import lfilter
+    """y[n] = pole y[n - 1] + gain values[n], along the first axis.
 
-    return np.asarray(lfilter([gain], [1.0, -pole], values, axis=0))
+    (scipy.signal.lfilter does the same, at half a second of import time.)
+    """
+    columns = np.ascontiguousarray(values if values.ndim > 1 else values[:, None])
+    out = np.empty(columns.shape, dtype=np.result_type(pole, columns))
+    _recursion(gain, pole, columns, out)
+    return out.reshape(values.shape)
+
+
+@compiled
+def _recursion(
+    gain: float, pole: complex, values: NDArray[np.floating[Any]], out: NDArray[np.inexact[Any]]
+) -> None:
+    for column in range(values.shape[1]):
+        last = 0.0 * pole
+        for row in range(values.shape[0]):
+            last = pole * last + gain * values[row, column]
+            out[row, column] = last
 
 
 def _elapsed(data: SetData) -> FloatArray:
