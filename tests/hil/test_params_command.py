@@ -16,7 +16,7 @@ from truing_protocol import PARAMETERS
 
 @pytest.fixture
 def board(image: Path, native_library: Path, tmp_path: Path) -> Iterator[ServedBoard]:
-    with ServedBoard(tmp_path, speed="max") as served:
+    with ServedBoard(tmp_path) as served:
         yield served
 
 
