@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -202,6 +203,17 @@ def test_effects_of_a_robot_are_not_tried_on_an_axis(done: Diagnosis) -> None:
 def test_a_command_cannot_be_held_against_the_pose_of_an_axis(motor: Path) -> None:
     with pytest.raises(IdentifyError, match="an axis has none"):
         truing.diagnose(read_recording_set(motor), commanded=True)
+
+
+def test_numbers_of_a_model_that_follows_nothing_are_not_said(done: Diagnosis) -> None:
+    assert "at full effort, time constant" in str(done)
+    lost = replace(done, fit=replace(done.fit, heldout_model_rmse=1.2 * speed_rms(done)))
+    assert "The axis: its gain is not known, no simulation follows these runs" in str(lost)
+
+
+def speed_rms(done: Diagnosis) -> float:
+    rows = np.concatenate([trace.measured[trace.valid] for trace in done.traces])
+    return float(np.sqrt(np.mean(rows**2)))
 
 
 def test_in_python_too_one_side_of_an_axis_is_judged(done: Diagnosis) -> None:

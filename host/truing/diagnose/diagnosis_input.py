@@ -10,6 +10,7 @@ from truing.diagnose.measured import Measured, with_measured
 from truing.errors import IdentifyError
 from truing.identify.first_baseline import SAID, with_first_baseline
 from truing.importers import ImportOptions, read_runs
+from truing.recording.held_load import without_held_load
 from truing.recording.run import RecordingSet, Wheel
 
 
@@ -63,15 +64,19 @@ def with_what_to_compare(
 ) -> RecordingSet:
     """The recordings with what a diagnosis compares them with, from the command line as from Python.
 
-    The baseline gets the numbers that were measured. Where there is none, and neither another simulator's
-    output nor the command to compare with, there is the first-order model that fits the runs best.
+    A load that an axis holds is taken out of its efforts: no baseline has one. The baseline gets the numbers
+    that were measured. Where there is none, and neither another simulator's output nor the command to compare
+    with, there is the first-order model that fits the runs best.
 
     Parameters
     ----------
     say : told in a sentence that there was no baseline.
     """
     found = with_measured(recordings, options.measured)
-    if found.baseline is not None or options.sim_runs is not None or options.commanded:
+    if options.sim_runs is not None:
+        return found
+    found = without_held_load(found)
+    if found.baseline is not None or options.commanded:
         return found
     found = with_first_baseline(found)
     say(SAID)

@@ -47,6 +47,7 @@ from truing.diagnose.stepwise import extend_model, without_uncertain_effects
 from truing.diagnose.verdict import Reasoning, decide, select_model
 from truing.errors import IdentifyError
 from truing.progress import Progress, ignore_progress
+from truing.recording.held_load import without_held_load
 from truing.recording.run import RecordingSet
 
 # Single effects, and second effects beside each of the best single ones, that are fitted at most.
@@ -73,6 +74,8 @@ def diagnose(
         The recordings allow no verdict; says why.
     """
     options = (options or Options()).suiting(recordings)
+    if options.sim_runs is None:
+        recordings = without_held_load(recordings)
     recordings = with_measured(recordings, options.measured)
     if options.wheels_only:
         recordings = recordings.without_pose()

@@ -6,9 +6,15 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from truing.identify.grey_box import fit_wheel
 from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
 from truing.recording.run import WHEELS, RecordingSet, Run, Wheel
+
+# Where runs give no gain: the time constant to start from, s; least speed and effort of a quotient.
+START_S = 0.5
+MIN_SPEED, MIN_EFFORT = 1e-3, 0.02
 
 SAID = "no baseline: compared with the first-order model that fits these runs best"
 
@@ -46,4 +52,15 @@ def linear_baseline(runs: Sequence[Run], robot: RobotGeometry, wheels: Sequence[
 
 def _linear(runs: Sequence[Run], wheel: Wheel, geometry: Baseline) -> WheelModel:
     found = fit_wheel(runs, wheel, "linear", geometry, hold_out=False, intervals=False).physics
-    return WheelModel(found.gain_mps, found.time_constant_s)
+    if found.gain_mps > 0.0:
+        return WheelModel(found.gain_mps, found.time_constant_s)
+    # No wheel turns against its effort: a line through these runs is none of its model. What they reach with
+    # the effort that they take is where a fit can start.
+    speed, effort = (
+        float(np.percentile(np.abs(np.concatenate(values)), 98.0))
+        for values in (
+            [run.speed(wheel, geometry).values for run in runs],
+            [run.effort(wheel) for run in runs],
+        )
+    )
+    return WheelModel(max(speed, MIN_SPEED) / max(effort, MIN_EFFORT), START_S)

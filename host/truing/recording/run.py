@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ from truing.errors import IdentifyError
 from truing.recording.axis import AXIS_COLUMNS, Axis, Motion
 from truing.recording.baseline import Baseline, RobotGeometry
 from truing.recording.frames import preformatted, to_frame
+
+if TYPE_CHECKING:
+    from truing.recording.held_load import HeldLoad
 
 Wheel: TypeAlias = Literal["left", "right"]
 SpeedSource: TypeAlias = Literal["ticks", "vel", "pos"]
@@ -238,6 +241,7 @@ class RecordingSet:
     Attributes
     ----------
     geometry : of the robot where it was given without a baseline, or to correct one.
+    held_load : what was taken out of the efforts of an axis that holds a load (see `recording.held_load`).
     """
 
     name: str
@@ -245,6 +249,7 @@ class RecordingSet:
     baseline: Baseline | None = None
     path: Path | None = None
     geometry: RobotGeometry | None = None
+    held_load: HeldLoad | None = None
 
     @property
     def robot(self) -> RobotGeometry | None:

@@ -43,6 +43,11 @@ _KNOWN: dict[str, tuple[Severity, str]] = {
     "effort": ("warning", "Efforts are fractions of the supply; divide volts by the supply voltage"),
     "repeated": ("warning", "Log at the rate at which the speed is updated, or log counts"),
     "jump": ("warning", "Log counts beside positions, or do not reset positions within a run"),
+    "load": (
+        "warning",
+        "Add the load to the simulation as a constant effort, or balance it, and record steps both ways: a "
+        "model found here has the efforts beyond it as its input",
+    ),
     "sides": ("warning", "Turn each wheel ten times by hand and compare its counts with the baseline's"),
 }
 

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from truing.diagnose.present.text import amount, headline, next_lines, two_amounts
 from truing.diagnose.result import Diagnosis, WheelNumbers
 from truing.recording.wheel_text import response_text
+
+# A model that leaves this share of the motion's own RMS follows none of it.
+AS_STILL = 0.9
 
 NOTHING_TO_DO = "nothing. Diagnose again when the robot, its load or its floor changes."
 
@@ -19,8 +24,9 @@ def first_screen(diagnosis: Diagnosis, *, board: bool) -> tuple[str, str, str]:
     board : the user has a board of ours, so that advice about it is of use.
     """
     following = next_lines(diagnosis, board=board) or [NOTHING_TO_DO]
+    load = [f"; it {check.text.partition('; ')[0]}" for check in diagnosis.checks if check.topic == "load"]
     return (
-        f"The robot: {_robot(diagnosis)}.",
+        f"The robot: {_robot(diagnosis)}{''.join(load)}.",
         f"{headline(diagnosis)} {error_sentence(diagnosis)}",
         f"Next: {following[0][:1].lower()}{following[0][1:]}",
     )
@@ -57,6 +63,8 @@ def _change(before: float, after: float, unit: str) -> str:
 
 def _robot(diagnosis: Diagnosis) -> str:
     """Gain and time constant of each wheel; without them, what was recorded."""
+    if follows_nothing(diagnosis):
+        return "its gain is not known, no simulation follows these runs better than one that stands still"
     gains = _by_wheel(diagnosis.numbers, "gain_mps")
     times = _by_wheel(diagnosis.numbers, "time_constant_s")
     if gains and times:
@@ -64,6 +72,16 @@ def _robot(diagnosis: Diagnosis) -> str:
     runs = f"{len(diagnosis.runs)} runs" if len(diagnosis.runs) != 1 else "one run"
     seconds = sum(float(trace.t_s[-1] - trace.t_s[0]) for trace in diagnosis.traces)
     return f"{runs}, {seconds:.0f} s" if seconds > 0.0 else runs
+
+
+def follows_nothing(diagnosis: Diagnosis) -> bool:
+    """Whether the best model is hardly nearer to the measured speeds than no motion at all."""
+    rows = [np.square(trace.measured[trace.valid]) for trace in diagnosis.traces]
+    if diagnosis.fit.unit != "m/s" or not sum(map(len, rows)):
+        return False
+    motion = math.sqrt(float(np.mean(np.concatenate(rows))))
+    unseen = diagnosis.fit.heldout_model_rmse
+    return max(diagnosis.fit.model_rmse, unseen if math.isfinite(unseen) else 0.0) > AS_STILL * motion
 
 
 def _by_wheel(numbers: tuple[WheelNumbers, ...], name: str) -> dict[str, float]:
