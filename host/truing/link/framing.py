@@ -10,7 +10,7 @@ import struct
 import zlib
 from dataclasses import dataclass
 
-from cobs import cobs
+from truing.link import cobs
 
 MAX_PAYLOAD = 1024
 _HEADER = struct.Struct("<BH")
@@ -47,7 +47,7 @@ def encode(frame: Frame) -> bytes:
     if len(frame.payload) > MAX_PAYLOAD:
         raise ValueError(f"a payload of {len(frame.payload)} bytes is longer than {MAX_PAYLOAD}")
     body = _HEADER.pack(frame.id, frame.sequence) + frame.payload
-    stuffed: bytes = cobs.encode(body + _CRC.pack(zlib.crc32(body)))
+    stuffed = cobs.encode(body + _CRC.pack(zlib.crc32(body)))
     return b"\0" + stuffed + b"\0"
 
 
@@ -100,7 +100,7 @@ def _decode(encoded: bytes) -> Frame | None:
     """The frame in one COBS-coded stretch without zeros, or None where there is none."""
     try:
         body = cobs.decode(encoded)
-    except cobs.DecodeError:
+    except cobs.StuffingError:
         return None
     if len(body) < OVERHEAD:
         return None
