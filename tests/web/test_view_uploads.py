@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from support.foreign_files import write_sysid
+from support.foreign_files import drive, write_sysid, write_wpilog
 from truing.errors import FileError
 from truing.recording.baseline import read_baseline
 from truing.recording.reader import read_run
@@ -191,6 +191,65 @@ def test_a_file_that_is_too_large_is_refused_before_it_is_sent(view):
             answer += got
     assert answer.startswith(b"HTTP/1.1 413")
     assert b"x.csv: 250 MB; a page takes files of up to 200 MB" in answer
+
+
+@pytest.mark.slow
+def test_a_wpilog_that_is_dropped_is_imported_by_the_server(view, tmp_path):
+    log = write_wpilog(tmp_path / "FRC_20260101.wpilog")
+    found = post(view.address, log, log.name)
+    assert found["kind"] == "run", found
+    assert found["set"] == "FRC_20260101"
+    assert found["runs"] == 4
+    runs = sorted((view.out / "dropped/FRC_20260101/runs").glob("*.csv"))
+    assert len(runs) == 4
+    assert abs(read_run(runs[0]).columns["vel_left_mps"]).max() > 0.1
+    cut = tmp_path / "cut.wpilog"
+    cut.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
+    assert any("ends" in text for text in post(view.address, cut, cut.name)["findings"])
+
+
+@pytest.mark.slow
+def test_a_dropped_mcap_asks_which_message_is_which_and_takes_the_answer(view, tmp_path):
+    pytest.importorskip("mcap")
+    from host.test_import_bags import MCAP_MAPPING, write_json_mcap
+
+    log = write_json_mcap(tmp_path / "drive.mcap")
+    asked = post(view.address, log, log.name)
+    assert asked["ask"] == "mapping", asked
+    names = [column[0] for column in asked["columns"]]
+    assert {"/wheels.log_time", "/wheels.left.speed", "/drive.effort.0"} <= set(names)
+    assert "log_time" in asked["toml"]
+    assert not (view.out / "dropped/drive").exists()
+    wrong = post(view.address, log, log.name, mapping=MCAP_MAPPING.replace("/drive.effort.0", "/drive.u"))
+    assert "/drive.effort.0" in wrong["error"], "what there is is named"
+    found = post(view.address, log, log.name, mapping=MCAP_MAPPING)
+    assert found["kind"] == "run", found
+    speed = read_run(found["path"]).columns["vel_left_mps"]
+    assert speed.max() == pytest.approx(0.297, abs=0.02)
+
+
+@pytest.mark.slow
+def test_a_dropped_mat_file_is_taken_as_it_is_or_proposed(view, tmp_path):
+    import scipy.io
+
+    truth = drive("fast-forward")
+    effort = truth.volts / 12.0
+    own = {f"effort_{side}": effort for side in ("left", "right")}
+    own |= {f"vel_{side}_mps": truth.speed for side in ("left", "right")}
+    scipy.io.savemat(tmp_path / "own.mat", {"t_s": truth.t, **own})
+    assert post(view.address, tmp_path / "own.mat", "own.mat")["kind"] == "run"
+    log = {"time": truth.t, "pwmL": 255 * effort, "pwmR": 255 * effort}
+    log |= {"speedL": truth.speed, "speedR": truth.speed}
+    scipy.io.savemat(tmp_path / "bench.mat", {"log": log})
+    asked = post(view.address, tmp_path / "bench.mat", "bench.mat")
+    assert asked["ask"] == "mapping", asked
+    assert "log.pwmL" in [column[0] for column in asked["columns"]]
+    found = post(view.address, tmp_path / "bench.mat", "bench.mat", mapping=asked["toml"])
+    assert found["kind"] == "run", found
+    taken = read_run(found["path"])
+    assert taken.columns["effort_left"] == pytest.approx(effort, abs=1e-4)
+    (tmp_path / "cut.mat").write_bytes((tmp_path / "bench.mat").read_bytes()[:300])
+    assert post(view.address, tmp_path / "cut.mat", "cut.mat")["error"].startswith("cut.mat: ")
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from http.client import HTTPConnection
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import urlencode, urlsplit
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
@@ -58,12 +58,12 @@ def recording(path: Path, megabytes: float) -> Path:
     return path
 
 
-def post(address: str, path: Path, name: str) -> dict[str, Any]:
-    """Upload a file as a page's drop zone does."""
+def post(address: str, path: Path, name: str, **more: str) -> dict[str, Any]:
+    """Upload a file as a page's drop zone does; `more`: what the page says of it beside its name."""
     connection = HTTPConnection(urlsplit(address).netloc, timeout=600)
     with path.open("rb") as body:
         headers = {"Content-Length": str(path.stat().st_size)}
-        connection.request("POST", f"/dropped?name={name}", body, headers)
+        connection.request("POST", f"/dropped?{urlencode({'name': name, **more})}", body, headers)
         answer: dict[str, Any] = json.loads(connection.getresponse().read())
     connection.close()
     return answer

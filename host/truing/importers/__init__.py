@@ -133,6 +133,15 @@ def without_mapping(files: Sequence[Path], options: ImportOptions) -> list[Path]
     return found
 
 
+def messages_without_mapping(file: Path, options: ImportOptions) -> dict[str, tuple[float, float]]:
+    """The columns, with the ends of their ranges, of an MCAP file that has no mapping; of others none."""
+    from . import mapped_csv, mcap_json
+
+    if not mcap_json.matches(file, _head(file)) or mapped_csv.has_mapping(file, options):
+        return {}
+    return mcap_json.columns_of(file)
+
+
 def import_table(
     table: AnyMapping[str, Sequence[Any]], name: str, mapping: Mapping, options: ImportOptions | None = None
 ) -> Imported:

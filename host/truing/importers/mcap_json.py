@@ -63,6 +63,34 @@ def matches(path: Path, head: bytes) -> bool:
 
 def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Finding]]:
     """The messages of the mapping's topics as one test, or as several where the mapping splits."""
+    channels, texts, findings = _channels(path)
+    own = None if has_mapping(path, options) else _own_mapping(path, channels)
+    mapping = own or find_mapping(path, options)
+    return apply(mapping, _table(path, mapping, channels, texts), path), findings
+
+
+def columns_of(path: Path) -> dict[str, tuple[float, float]]:
+    """Every column that a mapping can take, with the ends of its range; none where truing wrote the file.
+
+    Raises
+    ------
+    RecordingError : the file holds no whole JSON message.
+    """
+    channels, _, _ = _channels(path)
+    if _own_mapping(path, channels) is not None:
+        return {}
+    found = {}
+    for topic, channel in channels.items():
+        for name in channel.rows[0]:
+            values = [value for value in channel.column(name) if value == value]
+            found[f"{topic}.{name}"] = (min(values), max(values))
+    return found
+
+
+def _channels(
+    path: Path,
+) -> tuple[dict[str, Channel], dict[str, list[tuple[float, str]]], list[Finding]]:
+    """Numbers by topic, texts by column, and what is to be said of the file."""
     channels: dict[str, Channel] = {}
     texts: dict[str, list[tuple[float, str]]] = {}
     try:
@@ -78,9 +106,7 @@ def read(path: Path, options: ImportOptions) -> tuple[list[ForeignTest], list[Fi
         raise RecordingError(path, "holds no whole JSON message")
     for channel in channels.values():
         channel.sort()
-    own = None if has_mapping(path, options) else _own_mapping(path, channels)
-    mapping = own or find_mapping(path, options)
-    return apply(mapping, _table(path, mapping, channels, texts), path), findings
+    return channels, texts, findings
 
 
 def _own_mapping(path: Path, channels: dict[str, Channel]) -> Mapping | None:

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 # A baseline or a diagnosis is a few kilobytes, a run's metadata a few hundred at most.
 _MAX_TEXT_BYTES = 8_000_000
 _MAX_FINDINGS = 6
+# What a mapping of messages needs beside the time.
+_DUE = ("effort_left", "effort_right", "vel_left_mps", "vel_right_mps")
 NUMBERS = {
     "wheelbase_m": "wheelbase, m",
     "metres_per_unit": "wheel travel per unit of position, m",
@@ -131,12 +133,15 @@ def _stored(name: str, part: Path, dropped: Path, diagnoses: Path, wishes: Wishe
 
 def _imported(name: str, part: Path, folder: Path, wishes: Wishes) -> dict[str, Any]:
     """A file of another program, by the importers of `truing import`."""
-    from truing.importers import import_file, without_mapping
+    from truing.importers import import_file, messages_without_mapping, without_mapping
     from truing.recording.writer import next_run_path, replace_file, write_run
 
     options = wishes.options(folder)
     if without_mapping([part], options):
         return _proposal(name, part, wishes)
+    messages = messages_without_mapping(part, options)
+    if messages:
+        return _message_columns(name, messages)
     try:
         found = import_file(part, options)
     except TruingError as error:
@@ -168,9 +173,9 @@ def _imported(name: str, part: Path, folder: Path, wishes: Wishes) -> dict[str, 
 def _proposal(name: str, part: Path, wishes: Wishes) -> dict[str, Any]:
     """The columns of a table and what they are taken for, to be agreed to."""
     from truing.importers.proposal import check_complete, propose
-    from truing.importers.text_table import read_text_table
+    from truing.importers.tables import read_table
 
-    table = read_text_table(part)
+    table = read_table(part)
     numbers = dict(wishes.numbers)
     given = {key: numbers[key] for key in ("nominal_voltage_v", "wheelbase_m") if key in numbers}
     proposal = propose([table], **given)
@@ -190,6 +195,22 @@ def _proposal(name: str, part: Path, wishes: Wishes) -> dict[str, Any]:
         "columns": columns,
         "notes": [*table.notes, *proposal.notes],
         "why": problem,
+    }
+
+
+def _message_columns(name: str, messages: dict[str, tuple[float, float]]) -> dict[str, Any]:
+    """The columns of a file of messages, whose mapping the user writes."""
+    stamp = next(column for column in messages if column.endswith(".log_time"))
+    lines = ["[columns]", f't_s = "{stamp}"', *(f'# {due} = "TOPIC.FIELD"' for due in _DUE)]
+    columns = [[column, "", f"{low:.6g}", f"{high:.6g}", ""] for column, (low, high) in messages.items()]
+    why = f"{name}: which message holds what is not known. Name a column for each line."
+    return {
+        "ask": "mapping",
+        "name": name,
+        "toml": "\n".join(lines) + "\n",
+        "columns": columns,
+        "notes": [],
+        "why": why,
     }
 
 
