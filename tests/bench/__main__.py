@@ -25,6 +25,7 @@ BENCHES = (
     "emps",
     "low_speed",
     "diagnosis_rollout",
+    "public_sets",
 )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from support.public_sets import PUBLIC_SETS
 from truing.cli import group
 from truing.cli.app import App
 from truing.cli.import_dialogue import QUESTION
@@ -15,37 +16,10 @@ from truing.diagnose.diagnosis_input import Options
 from truing.diagnose.engine import diagnose
 from truing.recording.axis import Axis
 from truing.recording.reader import read_recording_set
-from truing.studies.real.mrclam import FULL_SPEED_MPS, WHEELBASE_M
+from truing.studies.real.mrclam import FULL_SPEED_MPS
 
 pytestmark = pytest.mark.recordings
 
-MRCLAM = "mrclam/D6_Robot1_Odometry.dat.gz"
-POSE = "mrclam/D6_Robot1_Groundtruth.dat.gz"
-# Files under raw/, what the user adds, the answers (none: no question), and the runs that come out.
-SETS: dict[str, tuple[tuple[str, ...], tuple[str, ...], str | None, int]] = {
-    "armada2508": (("armada2508/data20200509-1153.json.gz",), (), None, 4),
-    "frc2881": (("frc2881/sysid_data20220227-150426.json.gz",), (), None, 4),
-    "frc5024": (("frc5024/MinibotCarpet20200124-1730.json.gz",), (), None, 4),
-    "team4099": (("team4099/CharacterizationTestOutput.json.gz",), (), None, 4),
-    "romi": (("romi/FRC_20250321_153530.wpilog",), (), None, 4),
-    "romi table": (("romi/romi_sysid.csv",), (), "\n", 4),
-    "emps": (("emps/DATA_EMPS.mat",), (), "\n", 1),
-    # What effort its modes stand for is written in its author's notes alone.
-    "micromouse": (
-        ("micromouse/encoders3.csv",),
-        (),
-        "effort = leftMode / 4 * 100 / 255\n\n",
-        1,
-    ),
-    "micromouse map": (("micromouse/wheelSpeedCalibration5.csv",), ("--wheel-radius", "0.016"), "\n", 1),
-    "mrclam": ((MRCLAM,), ("--wheelbase", str(WHEELBASE_M), "--full-speed", str(FULL_SPEED_MPS)), "\n", 1),
-    "odrive": (
-        tuple(f"odrive/{way}{speed}.csv" for way in ("Down", "Up") for speed in ("1", "4")),
-        (),
-        "\n",
-        4,
-    ),
-}
 AXES = {"emps": Axis("translation"), "odrive": Axis("rotation")}
 
 
@@ -53,40 +27,32 @@ def run(*arguments: object, answers: str | None = None) -> Result:
     return CliRunner().invoke(group, [str(a) for a in arguments], input=answers)
 
 
-def files_of(recordings: Path, names: tuple[str, ...]) -> list[Path]:
-    files = [recordings / "raw" / name for name in names]
+def files_of(recordings: Path, name: str) -> list[Path]:
+    files = PUBLIC_SETS[name].paths(recordings)
     for file in files:
         if not file.exists():
             pytest.skip(f"{file} is not there; docs/howto/public_sets.md says where it comes from")
     return files
 
 
-def imported(recordings: Path, name: str, out: Path) -> Result:
-    names, options, answers, _ = SETS[name]
-    files = files_of(recordings, names)
-    if name == "mrclam":
-        options = (*options, "--pose", str(files_of(recordings, (POSE,))[0]))
-    return run("import", *files, "--out", out, *options, answers=answers)
-
-
-@pytest.mark.parametrize("name", SETS)
+@pytest.mark.parametrize("name", PUBLIC_SETS)
 def test_a_public_set_is_read_by_one_command_with_at_most_one_question(
     name: str, recordings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(App, "asks", property(lambda self: True))
-    result = imported(recordings, name, tmp_path / "set")
+    files_of(recordings, name)
+    one = PUBLIC_SETS[name]
+    result = run(*one.arguments(recordings, tmp_path / "set"), answers=one.answers)
     assert result.exit_code == 0, result.output
-    *_, answers, runs = SETS[name]
-    # A line that changes the proposal is followed by Enter, which takes it.
-    assert result.output.count(QUESTION) == (0 if answers is None else answers.count("\n"))
+    assert result.output.count(QUESTION) == (0 if one.answers is None else one.answers.count("\n"))
     read = read_recording_set(tmp_path / "set")
-    assert len(read.runs) == runs
+    assert len(read.runs) == one.runs
     if name in AXES:
         assert read.axis == AXES[name]
 
 
 def test_the_axis_of_a_controller_that_moves_is_taken_of_four(recordings: Path, tmp_path: Path) -> None:
-    files = files_of(recordings, SETS["odrive"][0])
+    files = files_of(recordings, "odrive")
     said = run("import", *files, "--out", tmp_path / "set", "--yes")
     assert said.exit_code == 0, said.output
     assert "of axes 0, 1, 2, 3: 2, which moves furthest, is taken" in said.output
@@ -98,11 +64,10 @@ def test_the_axis_of_a_controller_that_moves_is_taken_of_four(recordings: Path, 
 
 def test_mrclams_delay_and_scale_come_out_of_the_imported_files(recordings: Path, tmp_path: Path) -> None:
     """As `truing.studies.real.mrclam` has them, which reads the files by code of its own."""
-    names, options, *_ = SETS["mrclam"]
-    (log,), (pose,) = files_of(recordings, names), files_of(recordings, (POSE,))
+    files_of(recordings, "mrclam")
     out = tmp_path / "set"
-    rows = ("--set", "to_s=300; rate_hz=20")
-    said = run("import", log, "--pose", pose, "--out", out, *options, *rows, "--yes")
+    arguments = PUBLIC_SETS["mrclam"].arguments(recordings, out)
+    said = run(*arguments, "--set", "to_s=300; rate_hz=20", "--yes")
     assert said.exit_code == 0, said.output
     assert f"next: truing diagnose {out} --commanded" in said.output
     done = diagnose(read_recording_set(out), Options(commanded=True))
