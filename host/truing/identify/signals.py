@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -101,6 +101,52 @@ class WheelSignal:
             self.resolution_mps,
             self.has_supply,
         )
+
+
+# Rows closer together are more than a search needs, s; no wheel answers faster.
+SEARCH_SPACING_S = 0.008
+# So many rows must become one before it is worth it.
+LEAST_TOGETHER = 3
+
+
+def thinned(signal: WheelSignal) -> WheelSignal | None:
+    """The signal with rows put together to what a search needs; None where there are not too many.
+
+    Efforts, supply and speed of a row are means over its interval, and so are those of several rows. The
+    first row of a segment, which gives its initial speed, stays as it is.
+    """
+    whole = signal.excitation
+    count = int(SEARCH_SPACING_S / float(np.median(whole.interval_s)) + 0.01)
+    if count < LEAST_TOGETHER:
+        return None
+    keep: list[IntArray] = []
+    starts = [0]
+    for a, b in pairwise(whole.starts):
+        rows = np.append(np.arange(a, b - 1, count), b - 1)
+        keep.append(rows)
+        starts.append(starts[-1] + len(rows))
+    index = np.concatenate(keep)
+    # A row's interval begins at the row before it; that of a segment's first row holds nothing.
+    step_s = np.diff(whole.t_s, prepend=whole.t_s[0])
+    step_s[whole.starts[:-1]] = 0.0
+    ends = np.concatenate(([-1], index))
+    totals = [np.concatenate(([0.0], np.cumsum(np.where(step_s > 0.0, values * step_s, 0.0)))) for values in (
+        np.ones_like(step_s), whole.effort, whole.supply, signal.speed_mps
+    )]  # fmt: skip
+    length, *sums = (total[ends[1:] + 1] - total[ends[:-1] + 1] for total in totals)
+    first = length <= 0.0
+    effort, supply, speed = (
+        np.where(first, values[index], part / np.where(first, 1.0, length))
+        for values, part in zip((whole.effort, whole.supply, signal.speed_mps), sums, strict=True)
+    )
+    return replace(
+        signal,
+        excitation=excitation(
+            whole.t_s[index], effort, supply, np.array(starts, dtype=np.int64), count * whole.interval_s
+        ),
+        speed_mps=speed,
+        run_of_row=signal.run_of_row[index],
+    )
 
 
 def shown_resolution(speed_mps: FloatArray, resolution_mps: float = 0.0) -> float:
