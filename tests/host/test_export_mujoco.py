@@ -12,6 +12,7 @@ import pytest
 
 from support.exported import GEOMETRY, PERIOD_S, PLAIN, RICH, drive, ours, scale
 from truing.exporters import ExportOptions, exporter
+from truing.exporters.into import patched
 from truing.exporters.joint import joints
 from truing.model.robot_model import RobotModel
 
@@ -191,6 +192,15 @@ def test_gazebos_own_parser_reads_the_joints_and_they_move_as_ours(tmp_path: Pat
         for j in joints(PLAIN, ExportOptions())
     ]
     np.testing.assert_allclose(read, expected, rtol=1e-12)
+    # What `--into` leaves of the file is still one that Gazebo reads, with the numbers of the patch.
+    other = RobotModel(RICH.left, RICH.right, GEOMETRY)
+    made = patched(path, other, keep="masses")
+    patched_path = tmp_path / "patched.sdf"
+    patched_path.write_bytes(made.after)
+    again = subprocess.run([sdf_reader, patched_path], capture_output=True, text=True, timeout=60, check=True)
+    for line, axle in zip(again.stdout.splitlines(), (made.patch.left, made.patch.right), strict=True):
+        numbers = [float(word) for word in line.split()[:3]]
+        assert numbers == pytest.approx([axle.damping_nms, axle.friction_nm, axle.torque_nm], rel=1e-5)
     # The same numbers as the joints of a simulator.
     wheels = "".join(
         f'<body><inertial pos="0 0 0" mass="1" diaginertia="{inertia} {inertia} {inertia}"/>'

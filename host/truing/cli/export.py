@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from truing.cli.app import App
+from truing.cli.export_check import check_formats, put_into
 from truing.cli.options import POSITIVE, json_option
+
+if TYPE_CHECKING:
+    from truing.exporters import ExportOptions
+    from truing.model.robot_model import RobotModel
 
 # Kind, and what it is; a test keeps this equal to the exporters, which take time to import.
 KINDS: dict[str, str] = {
@@ -44,20 +50,30 @@ class _Command(click.Command):
 
 @click.command(cls=_Command, no_args_is_help=True)
 @click.argument("model", metavar="MODEL.TOML", type=click.Path(path_type=Path))
+@click.option("--to", "kind", metavar="KIND", type=click.Choice([*KINDS, "all", *OF_RUNS]), help="See below.")
 @click.option(
-    "--to",
-    "kind",
-    metavar="KIND",
-    required=True,
-    type=click.Choice([*KINDS, "all", *OF_RUNS]),
-    help="See below.",
+    "--out", metavar="PATH", type=click.Path(path_type=Path), help="File, or folder to put it into."
 )
 @click.option(
-    "--out",
-    metavar="PATH",
-    required=True,
-    type=click.Path(path_type=Path),
-    help="File, or folder to put it into.",
+    "--into",
+    metavar="FILE",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Put the model into your own MJCF, URDF or SDF file instead; a backup stays beside it.",
+)
+@click.option(
+    "--joints", metavar="LEFT,RIGHT", help="Wheel joints of that file, where their names do not tell."
+)
+@click.option(
+    "--keep",
+    type=click.Choice(["masses", "motors"]),
+    help="What is right in that file, which fixes the scale of torque.  [default: what changes it less]",
+)
+@click.option(
+    "--check",
+    "runs",
+    metavar="RUNS",
+    type=click.Path(exists=True, path_type=Path),
+    help="Recordings that the programs the files are for simulate again: error before and after.",
 )
 @click.option("--wheel-radius", type=POSITIVE, help="Metres, where the model does not say.")
 @click.option("--wheelbase", type=POSITIVE, help="Metres between the wheels, where the model does not say.")
@@ -79,8 +95,12 @@ class _Command(click.Command):
 def command(
     app: App,
     model: Path,
-    kind: str,
-    out: Path,
+    kind: str | None,
+    out: Path | None,
+    into: Path | None,
+    joints: str | None,
+    keep: str | None,
+    runs: Path | None,
     wheel_radius: float | None,
     wheelbase: float | None,
     inertia: float | None,
@@ -89,24 +109,53 @@ def command(
 ) -> None:
     """Write MODEL.TOML (from `truing fit --out`, or a baseline) as KIND, and say what KIND cannot hold.
 
+    With --into it goes into your own robot's file instead, in the scale of your masses or motors, and the
+    change is shown. With --check the programs that run the files simulate RUNS again.
+
     \b
     Examples:
       truing export model.toml --to mjcf --out out/robot.xml
-      truing export model.toml --to fmu --out out/robot.fmu
       truing export baseline.toml --to all --out out/robot
+      truing export model.toml --check my_robot
+      truing export model.toml --into my_robot.xml --check my_robot
       truing export docs/example --to mcap --out out/mcap
     """
-    if kind in OF_RUNS:
+    from truing.exporters import ExportOptions, read_model
+
+    if into is None and kind is None and runs is None:
+        raise click.UsageError("one of --to KIND, --into FILE and --check RUNS is due")
+    if into is not None and kind is not None:
+        raise click.UsageError("--to makes a file of its own, --into changes yours: give one of them")
+    if kind is not None and out is None:
+        raise click.UsageError("--to KIND wants --out PATH")
+    if kind in OF_RUNS and out is not None:
         _export_runs(app, model, out, wheel_radius, wheelbase)
         return
-    from truing.errors import TruingError
-    from truing.exporters import ExportOptions, exporters, notes, read_model
-
     read, unused = read_model(model)
     options = ExportOptions(nominal_voltage, inertia, wheel_radius, wheelbase, period)
+    found: dict[str, Any] = {"model": str(model), "notes": list(unused)}
+    for note in unused:
+        app.say(f"note: {note}")
+    if into is not None:
+        found["into"] = put_into(app, read, into, out, runs, options, keep=keep, joints=joints)
+    elif kind is not None and out is not None:
+        name = _file_name(read.robot.name or model.stem)
+        found["exports"] = _write(app, read, kind, out, name, options)
+    if runs is not None and into is None:
+        kinds = None if kind in (None, "all") else [str(kind)]
+        found["check"] = check_formats(app, read, runs, kinds, options)
+    app.emit(found)
+
+
+def _write(
+    app: App, read: RobotModel, kind: str, out: Path, name: str, options: ExportOptions
+) -> list[dict[str, Any]]:
+    """Write one kind, or all that the model has enough for."""
+    from truing.errors import TruingError
+    from truing.exporters import exporters, notes
+
     kinds = list(KINDS) if kind == "all" else [kind]
-    name = _file_name(read.robot.name or model.stem)
-    results = []
+    results: list[dict[str, Any]] = []
     with app.progress("exporting") as progress:
         for number, one in enumerate(kinds, start=1):
             exporter = exporters()[one]
@@ -121,14 +170,12 @@ def command(
                 files, said = (), (f"not written: {error.message}",)
             results.append({"kind": one, "files": [str(file) for file in files], "notes": list(said)})
             progress(number / len(kinds))
-    app.emit({"model": str(model), "notes": list(unused), "exports": results})
-    for note in unused:
-        app.say(f"note: {note}")
     for result in results:
         for file in result["files"]:
             app.say(f"written: {file}")
         for note in result["notes"]:
             app.say(f"note: {result['kind']}: {note}")
+    return results
 
 
 def _export_runs(
