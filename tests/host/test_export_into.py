@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as Xml
@@ -175,6 +176,17 @@ def test_torque_gain_and_time_constant_of_the_recordings_hold_in_the_users_numbe
     with pytest.raises(TruingError, match="the chassis would weigh"):
         patched(path, quick, keep=KEEP_MOTORS)
     assert patched(path, quick).patch.kept == KEEP_MASSES
+
+
+def test_a_lag_of_the_driver_becomes_a_filter_of_the_actuator_and_goes_with_it(tmp_path: Path) -> None:
+    path = tmp_path / "my_robot.xml"
+    path.write_text(text())
+    slow = RobotModel(replace(FOUND.left, lag_s=0.05), replace(FOUND.right, lag_s=0.07), OWN)
+    path.write_bytes(patched(path, slow).after)
+    model = own_mjcf.load(path)
+    assert model.actuator_dynprm[:, 0] == pytest.approx([0.05, 0.07])
+    path.write_bytes(patched(path, FOUND).after)
+    assert own_mjcf.load(path).na == 0
 
 
 @pytest.mark.parametrize("kind", ["urdf", "sdf"])

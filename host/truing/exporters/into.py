@@ -14,9 +14,9 @@ from truing.model.robot_model import RobotModel
 from truing.recording.writer import replace_file
 
 from .in_mujoco import driven
+from .mjcf import HOLDS as MJCF_HOLDS
 from .own_joints import HOLDS as JOINTS_HOLD
 from .own_joints import JointFile, SdfFile, UrdfFile
-from .own_mjcf import HOLDS as MJCF_HOLDS
 from .own_mjcf import drives, load
 from .own_mjcf import read as read_mjcf
 from .own_mjcf import write as write_mjcf

@@ -45,7 +45,7 @@ class Joint:
     ----------
     inertia_kgm2, damping_nms, friction_nm, torque_nm : J, b, c and T (at full effort) of equation (2).
     top_radps : speed at full effort without friction, K / r.
-    delay_s : from effort to torque.
+    delay_s, lag_s : from effort to torque, pure and of first order.
     """
 
     side: str
@@ -55,6 +55,7 @@ class Joint:
     torque_nm: float
     top_radps: float
     delay_s: float
+    lag_s: float
 
     @property
     def name(self) -> str:
@@ -76,7 +77,8 @@ def joints(model: RobotModel, options: ExportOptions) -> tuple[Joint, Joint]:
         damping = inertia / wheel.time_constant_s
         torque = wheel.gain_mps * damping / radius
         top = wheel.gain_mps / radius
-        made.append(Joint(side, inertia, damping, wheel.friction * torque, torque, top, wheel.delay_s))
+        friction = wheel.friction * torque
+        made.append(Joint(side, inertia, damping, friction, torque, top, wheel.delay_s, wheel.lag_s))
     return made[0], made[1]
 
 

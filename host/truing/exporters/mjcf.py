@@ -22,13 +22,15 @@ from .xml_file import child, number, numbers, write_xml
 KIND = "mjcf"
 TITLE = "damping, frictionloss, armature and actuators for MuJoCo"
 SUFFIX = ".xml"
-HOLDS = frozenset({"friction", "delay"})
+HOLDS = frozenset({"friction", "delay", "lag"})
 
 LONGEST_STEP_S = 1e-3
 STEPS_PER_TIME_CONSTANT = 400
 # MuJoCo allows no time constant of a constraint below two steps, and no impedance above 0.9999.
 SOLREF_STEPS = 2.0
 IMPEDANCE = 0.9999
+# First-order dynamics of an actuator, integrated in closed form.
+FILTER = "filterexact"
 
 
 def timestep(model: RobotModel) -> float:
@@ -75,10 +77,18 @@ def write(model: RobotModel, path: Path, options: ExportOptions = DEFAULTS) -> t
         )
         tyre = {"size": numbers(radius, 0.15 * radius), "euler": numbers(0.5 * math.pi, 0.0, 0.0)}
         child(wheel, "geom", name=f"{joint.side}_tyre", type="cylinder", contype="0", conaffinity="0", **tyre)
+        # A motor is a general actuator without dynamics; the driver's lag is a filter ahead of its torque.
         motor = child(
-            actuators, "motor", name=f"{joint.side}_motor", joint=joint.name, gear=number(joint.torque_nm)
+            actuators,
+            "general" if joint.lag_s else "motor",
+            name=f"{joint.side}_motor",
+            joint=joint.name,
+            gear=number(joint.torque_nm),
         )
         motor.set("ctrlrange", "-1 1")
+        if joint.lag_s:
+            motor.set("dyntype", FILTER)
+            motor.set("dynprm", number(joint.lag_s))
         if joint.delay_s > 0.5 * step:
             # MuJoCo delays by whole steps and rounds up (measured on 4.0, where round-off in its clock adds a
             # step to a delay that is a whole number of them): half a step less gives the nearest number.

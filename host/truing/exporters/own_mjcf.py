@@ -16,15 +16,13 @@ import numpy as np
 from truing.errors import FileError
 from truing.extras import require
 
-from .mjcf import IMPEDANCE, SOLREF_STEPS
+from .mjcf import FILTER, IMPEDANCE, SOLREF_STEPS
 from .own_robot import AxlePatch, OwnAxle, OwnRobot, Patch
 from .wheel_names import sides_of
 from .xml_edit import Node, XmlEdit, short
 
 if TYPE_CHECKING:
     from mujoco import MjModel
-
-HOLDS = frozenset({"friction", "delay"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,6 +185,7 @@ def _write_motor(edit: XmlEdit, node: Node, model: MjModel, drive: Drive, axle: 
         gear[0] *= axle.torque_nm / before
         count = len(node.attributes.get("gear", "1").split())
         edit.set_attribute(node, "gear", short(*gear[:count].tolist()))
+    _write_lag(edit, node, axle.lag_s)
     step_s = float(model.opt.timestep)
     if axle.delay_s > 0.5 * step_s:
         edit.set_attribute(node, "delay", short(axle.delay_s - 0.5 * step_s))
@@ -194,6 +193,18 @@ def _write_motor(edit: XmlEdit, node: Node, model: MjModel, drive: Drive, axle: 
     else:
         edit.remove_attribute(node, "delay")
         edit.remove_attribute(node, "nsample")
+
+
+def _write_lag(edit: XmlEdit, node: Node, lag_s: float) -> None:
+    """A filter ahead of the torque; a `motor`, which has none, becomes the `general` that it is short for."""
+    if lag_s > 0.0:
+        if node.tag == "motor":
+            edit.rename(node, "general")
+        edit.set_attribute(node, "dyntype", FILTER)
+        edit.set_attribute(node, "dynprm", short(lag_s))
+    elif node.attributes.get("dyntype") in (FILTER, "filter"):
+        edit.remove_attribute(node, "dyntype")
+        edit.remove_attribute(node, "dynprm")
 
 
 def _write_chassis(edit: XmlEdit, path: Path, model: MjModel, body: int, factor: float) -> None:

@@ -69,6 +69,7 @@ class AxlePatch:
     damping_nms: float
     friction_nm: float
     delay_s: float
+    lag_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +134,8 @@ def _with_masses(model: RobotModel, own: OwnRobot) -> Patch:
     for (_, wheel), axle in zip(wheels(model), (own.left, own.right), strict=True):
         damping = own.inertia_kgm2 / wheel.time_constant_s
         torque = wheel.gain_mps * damping / own.radius_m
-        axles.append(AxlePatch(axle.joint, torque, damping, wheel.friction * torque, wheel.delay_s))
+        friction = wheel.friction * torque
+        axles.append(AxlePatch(axle.joint, torque, damping, friction, wheel.delay_s, wheel.lag_s))
     return Patch(axles[0], axles[1], KEEP_MASSES, own.inertia_kgm2, 1.0)
 
 
@@ -144,9 +146,9 @@ def _with_motors(model: RobotModel, own: OwnRobot) -> Patch:
             raise TruingError(f"{axle.joint}: its torque at full effort is not known", "Give --keep masses")
         damping = own.radius_m * axle.torque_nm / wheel.gain_mps
         inertias.append(wheel.time_constant_s * damping)
-        axles.append(
-            AxlePatch(axle.joint, axle.torque_nm, damping, wheel.friction * axle.torque_nm, wheel.delay_s)
-        )
+        torque = axle.torque_nm
+        friction = wheel.friction * torque
+        axles.append(AxlePatch(axle.joint, torque, damping, friction, wheel.delay_s, wheel.lag_s))
     inertia = 0.5 * sum(inertias)
     if own.chassis_kg <= 0.0:
         raise TruingError("the model's chassis stands still: it has no mass to change", "Give --keep masses")

@@ -83,6 +83,13 @@ class XmlEdit:
         if found is not None:
             self._edits.append((node.start + found.start(), node.start + found.end(), b""))
 
+    def rename(self, node: Node, tag: str) -> None:
+        """Give an element another name, at its end tag too."""
+        size = len(node.tag.encode())
+        self._edits.append((node.start + 1, node.start + 1 + size, tag.encode()))
+        if not self.source[node.start : node.tag_end].endswith(b"/>"):
+            self._edits.append((node.text_end + 2, node.text_end + 2 + size, tag.encode()))
+
     def set_text(self, node: Node, value: str) -> None:
         """Give an element without children another content."""
         self._edits.append((node.tag_end, node.text_end, value.encode()))
