@@ -24,7 +24,7 @@ from truing.exporters.own_robot import KEEP_MASSES, KEEP_MOTORS
 from truing.exporters.recorded import error_mps, tasks
 from truing.exporters.wheel_names import side_of, sides_of
 from truing.exporters.xml_edit import XmlEdit
-from truing.model.robot_model import RobotModel, read_robot_model
+from truing.model.robot_model import RobotModel, parse_robot_model, read_robot_model
 from truing.model.wheel import WheelPhysics
 from truing.recording.baseline import RobotGeometry
 from truing.recording.reader import read_recording_set
@@ -80,6 +80,29 @@ def test_the_users_own_robot_then_drives_as_the_real_one_also_where_nothing_was_
     assert into["after_mps"] < 1.15 * least, "of the noise: what the counts resolve"
     assert into["kept"] == (keep or KEEP_MOTORS), "a heavier chassis on known motors is the smaller change"
     assert into["after_mps"] == pytest.approx(error_in_mujoco(mine, world / "turning"))
+
+
+def test_fitted_through_the_own_robot_turning_runs_give_its_physics_too(world: Path, tmp_path: Path) -> None:
+    """From a data sheet's numbers alone, on turns and one straight run: the scrub is in the own robot."""
+    mine, truth, runs = tmp_path / "my_robot.xml", tmp_path / "truth.xml", tmp_path / "runs"
+    mine.write_text(text())
+    truth.write_text(text(**HIDDEN))
+    write_set(runs, text(**HIDDEN), TURNING | {"gentle": STRAIGHT["gentle"]})
+    into = call("export", runs / "baseline.toml", "--into", mine, "--check", runs, "--refine")["into"]
+    assert into["judges"] == "03_gentle"
+    least = error_in_mujoco(truth, world / "straight")
+    print(
+        f"{into['before_mps']:.4f} before, {into['after_mps']:.4f} after (run left out); {least:.4f} at least"
+    )
+    assert into["before_mps"] > 20.0 * least
+    assert into["after_mps"] < 1.3 * least
+    found = parse_robot_model(into["refined"]["model"])
+    assert found.left.friction == pytest.approx(HIDDEN["frictionloss"] / 0.25, rel=0.05)
+    assert found.left.delay_s == pytest.approx(HIDDEN["delay_s"], abs=0.002)
+    kept = patched(mine, found, keep=into["kept"])
+    assert kept.patch.chassis_factor == pytest.approx(1.0, abs=0.01)
+    assert into["kept"] == KEEP_MOTORS
+    assert kept.own.chassis_kg == pytest.approx(HIDDEN["mass_kg"], rel=0.03)
 
 
 def test_only_numbers_of_the_drive_change_and_a_backup_is_kept(tmp_path: Path) -> None:
@@ -296,8 +319,19 @@ def test_every_program_simulates_the_recordings_again(world: Path, tmp_path: Pat
             assert one["after_mps"] < 1.1 * own, kind
         else:
             assert one["after_mps"] > 3.0 * own, f"{kind} cannot hold all of it"
-    shown = CliRunner().invoke(group, ["export", str(world / "model.toml"), "--check", str(runs)])
+    arguments = [
+        "export",
+        world / "model.toml",
+        "--to",
+        "urdf",
+        "--out",
+        tmp_path / "a.urdf",
+        "--check",
+        runs,
+    ]
+    shown = CliRunner().invoke(group, [str(item) for item in arguments])
     assert "cannot hold it" in shown.output
+    assert (tmp_path / "a.urdf").is_file()
 
 
 def test_a_model_is_found_again_by_its_own_program(world: Path) -> None:

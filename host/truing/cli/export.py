@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from truing.cli.app import App
-from truing.cli.export_check import check_formats, put_into
+from truing.cli.export_check import Wish, check_formats, put_into
 from truing.cli.options import POSITIVE, json_option
 
 if TYPE_CHECKING:
@@ -75,6 +75,12 @@ class _Command(click.Command):
     type=click.Path(exists=True, path_type=Path),
     help="Recordings that the programs the files are for simulate again: error before and after.",
 )
+@click.option(
+    "--refine",
+    "is_refined",
+    is_flag=True,
+    help="With --into and --check: fit gains, time constant, friction, delay on RUNS through your own MJCF.",
+)
 @click.option("--wheel-radius", type=POSITIVE, help="Metres, where the model does not say.")
 @click.option("--wheelbase", type=POSITIVE, help="Metres between the wheels, where the model does not say.")
 @click.option(
@@ -101,6 +107,7 @@ def command(
     joints: str | None,
     keep: str | None,
     runs: Path | None,
+    is_refined: bool,
     wheel_radius: float | None,
     wheelbase: float | None,
     inertia: float | None,
@@ -110,7 +117,9 @@ def command(
     """Write MODEL.TOML (from `truing fit --out`, or a baseline) as KIND, and say what KIND cannot hold.
 
     With --into it goes into your own robot's file instead, in the scale of your masses or motors, and the
-    change is shown. With --check the programs that run the files simulate RUNS again.
+    change is shown. With --check the programs that run the files simulate RUNS again. With --refine the
+    numbers are fitted once more through your own file, of which a model of single wheels knows too little
+    when the robot turns; every third run is left out and judges.
 
     \b
     Examples:
@@ -118,6 +127,7 @@ def command(
       truing export baseline.toml --to all --out out/robot
       truing export model.toml --check my_robot
       truing export model.toml --into my_robot.xml --check my_robot
+      truing export model.toml --into my_robot.xml --check my_robot --refine
       truing export docs/example --to mcap --out out/mcap
     """
     from truing.exporters import ExportOptions, read_model
@@ -126,6 +136,8 @@ def command(
         raise click.UsageError("one of --to KIND, --into FILE and --check RUNS is due")
     if into is not None and kind is not None:
         raise click.UsageError("--to makes a file of its own, --into changes yours: give one of them")
+    if is_refined and (into is None or runs is None):
+        raise click.UsageError("--refine needs --into FILE and --check RUNS")
     if kind is not None and out is None:
         raise click.UsageError("--to KIND wants --out PATH")
     if kind in OF_RUNS and out is not None:
@@ -137,7 +149,8 @@ def command(
     for note in unused:
         app.say(f"note: {note}")
     if into is not None:
-        found["into"] = put_into(app, read, into, out, runs, options, keep=keep, joints=joints)
+        wish = Wish(into, out, runs, keep, joints, is_refined)
+        found["into"] = put_into(app, read, wish, options)
     elif kind is not None and out is not None:
         name = _file_name(read.robot.name or model.stem)
         found["exports"] = _write(app, read, kind, out, name, options)

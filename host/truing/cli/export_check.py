@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
     from truing.exporters import ExportOptions
     from truing.exporters.carried import Check
+    from truing.exporters.into import PatchedFile
     from truing.exporters.recorded import Task
     from truing.model.robot_model import RobotModel
     from truing.recording.run import RecordingSet
@@ -29,50 +31,83 @@ def read_recordings(runs: Path, model: RobotModel) -> RecordingSet:
     return recordings if recordings.robot is not None else recordings.with_geometry(model.robot)
 
 
-def put_into(
-    app: App,
-    model: RobotModel,
-    path: Path,
-    out: Path | None,
-    runs: Path | None,
-    options: ExportOptions,
-    *,
-    keep: str | None,
-    joints: str | None,
-) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Wish:
+    """What the user asked of `--into`."""
+
+    path: Path
+    out: Path | None
+    runs: Path | None
+    keep: str | None
+    joints: str | None
+    is_refined: bool
+
+
+def put_into(app: App, model: RobotModel, wish: Wish, options: ExportOptions) -> dict[str, Any]:
     """Patch a user's file: say what changes, show it, check it on recordings, write it."""
-    from truing.errors import OutputError
     from truing.exporters.into import patched
     from truing.exporters.recorded import tasks
 
-    made = patched(path, model, options, keep=keep, joints=_pair(joints))
+    keep, joints = wish.keep, _pair(wish.joints)
+    found: dict[str, Any] = {}
+    judges = [] if wish.runs is None else tasks(read_recordings(wish.runs, model))
+    if wish.is_refined:
+        model, keep, judges, found["refined"] = _refined(app, model, wish, options, judges)
+    made = patched(wish.path, model, options, keep=keep, joints=joints)
     app.say(made.diff().rstrip("\n"))
     for line in made.lines:
         app.say(f"note: {line}")
-    found: dict[str, Any] = {"file": str(path), "kind": made.kind, "joints": list(made.joints)}
+    found |= {"file": str(wish.path), "kind": made.kind, "joints": list(made.joints)}
     found |= {"kept": made.patch.kept, "notes": list(made.lines), "diff": made.diff()}
-    if runs is not None:
-        errors = made.errors_mps(tasks(read_recordings(runs, model)))
-        own_mps = _own_error(tasks(read_recordings(runs, model)), model)
-        if errors is None:
-            app.say(f"not checked: nothing that is installed here drives a robot from {made.kind.upper()}")
-        else:
-            before, after = errors
-            found |= {"before_mps": before, "after_mps": after, "own_mps": own_mps}
-            app.say(
-                f"checked in MuJoCo: {_mm(before)} before, {_mm(after)} after, on {runs}; "
-                f"truing's own simulation: {_mm(own_mps)}"
-            )
-            if after > before:
-                raise OutputError(
-                    out or path,
-                    f"is not written: it would be worse on {runs}, {_mm(after)} instead of {_mm(before)}",
-                    "Look at what truing diagnose says of these runs, or leave --check away",
-                )
-    written, backup = made.write(out)
+    if wish.runs is not None:
+        found |= _checked(app, made, wish, judges)
+    written, backup = made.write(wish.out)
     found |= {"written": str(written), "backup": None if backup is None else str(backup)}
     app.say(f"written: {written}" + ("" if backup is None else f" (as it was: {backup})"))
     return found
+
+
+def _refined(
+    app: App, model: RobotModel, wish: Wish, options: ExportOptions, all_tasks: list[Task]
+) -> tuple[RobotModel, str, list[Task], dict[str, Any]]:
+    """The model fitted through the user's file, what was kept, and the runs that judge."""
+    from truing.exporters.refine import divided, refine
+
+    fitted, judges = divided(all_tasks)
+    joints = _pair(wish.joints)
+    with app.progress("fitting through your file") as progress:
+        found = refine(wish.path, model, fitted, options, keep=wish.keep, joints=joints, progress=progress)
+    runs = f"{len(fitted)} runs" if len(fitted) != 1 else "1 run"
+    app.say(f"fitted to {runs} through {wish.path}: {_mm(found.before_mps)} -> {_mm(found.after_mps)}")
+    for line in found.lines():
+        app.say(f"  {line}")
+    told = {"runs": len(fitted), "before_mps": found.before_mps, "after_mps": found.after_mps}
+    return found.model, found.keep, judges or fitted, told | {"model": found.model.to_toml()}
+
+
+def _checked(app: App, made: PatchedFile, wish: Wish, judges: list[Task]) -> dict[str, Any]:
+    """Errors before and after in the program that runs the file; worse is refused."""
+    from truing.errors import OutputError
+
+    errors = made.errors_mps(judges)
+    if errors is None:
+        app.say(f"not checked: nothing that is installed here drives a robot from {made.kind.upper()}")
+        return {}
+    before, after = errors
+    own_mps = _own_error(judges, made.model)
+    names = ", ".join(task.name for task in judges)
+    where = f"{wish.runs}" + (f" (left out: {names})" if wish.is_refined else "")
+    app.say(
+        f"checked in MuJoCo on {where}: {_mm(before)} before, {_mm(after)} after; "
+        f"truing's own simulation of two wheels: {_mm(own_mps)}"
+    )
+    if after > before:
+        raise OutputError(
+            wish.out or wish.path,
+            f"is not written: it would be worse on {where}, {_mm(after)} instead of {_mm(before)}",
+            "Try --refine, look at what truing diagnose says of these runs, or leave --check away",
+        )
+    return {"judges": names, "before_mps": before, "after_mps": after, "own_mps": own_mps}
 
 
 def _pair(joints: str | None) -> tuple[str, str] | None:

@@ -36,6 +36,7 @@ class PatchedFile:
     Attributes
     ----------
     kind : `MJCF`, `URDF` or `SDF`.
+    model : what was put in.
     joints : of the wheels, left first.
     before, after : the file's bytes.
     lines : what changes and what the format cannot hold.
@@ -43,6 +44,7 @@ class PatchedFile:
 
     path: Path
     kind: str
+    model: RobotModel
     joints: tuple[str, str]
     own: OwnRobot
     patch: Patch
@@ -65,10 +67,11 @@ class PatchedFile:
         if self.kind != MJCF:
             return None
         return tuple(  # type: ignore[return-value]
-            error_mps(all_tasks, self._simulation(content)) for content in (self.before, self.after)
+            error_mps(all_tasks, self.simulation(content), self.model)
+            for content in (self.before, self.after)
         )
 
-    def _simulation(self, content: bytes) -> Simulate:
+    def simulation(self, content: bytes) -> Simulate:
         """What MuJoCo makes of this content, which may name files beside the user's."""
         handle, name = tempfile.mkstemp(prefix=".truing-", suffix=self.path.suffix, dir=self.path.parent)
         try:
@@ -130,4 +133,4 @@ def patched(
         raise FileError(path, f"begins with <{edit.root.tag}>: it is no MJCF, URDF or SDF")
     said = (*patch.lines(own), *left_out(model, holds))
     found = (own.left.joint, own.right.joint)
-    return PatchedFile(path, str(kind), found, own, patch, edit.source, after, said)
+    return PatchedFile(path, str(kind), model, found, own, patch, edit.source, after, said)

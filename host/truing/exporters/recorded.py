@@ -95,15 +95,20 @@ def error_mps(all_tasks: Sequence[Task], simulate: Simulate, model: RobotModel |
     ----------
     model : whose recorder's filter the simulated speeds go through.
     """
-    squares = []
+    return float(np.sqrt(np.mean(residuals(all_tasks, simulate, model) ** 2)))
+
+
+def residuals(all_tasks: Sequence[Task], simulate: Simulate, model: RobotModel | None = None) -> FloatArray:
+    """Simulated less measured speeds of all rows but the first of each run, m/s, in one row."""
+    found = []
     for task in all_tasks:
         steps = np.diff(task.t_s)
         speeds = np.diff(simulate(task)) / steps
         if model is not None:
             lags = [model.wheel(wheel).recorder_lag_s for wheel in WHEELS]
             speeds = np.array([_filtered(row, steps, lag) for row, lag in zip(speeds, lags, strict=True)])
-        squares.append(((speeds - task.measured_mps[:, 1:]) ** 2).ravel())
-    return float(np.sqrt(np.mean(np.concatenate(squares))))
+        found.append((speeds - task.measured_mps[:, 1:]).ravel())
+    return np.concatenate(found)
 
 
 def _filtered(speeds: FloatArray, steps: FloatArray, lag_s: float) -> FloatArray:
