@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from base64 import b64decode
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from truing.board.drive import drive
 from truing.board.signal_stream import SIGNALS, as_columns
 from truing.errors import BoardRebooted, Refused, TruingError
 from truing.plan import Kind, Plan, Segment
+from truing.web.world.map_file import write_world
+from truing.web.world.world_map import WorldMap
 from truing_protocol import StreamStartRequest
 
 LONG = Plan(
@@ -124,8 +127,12 @@ def test_the_command_writes_a_csv(image: Path, native_library: Path, tmp_path: P
 def test_foxglove_shows_a_plan_while_it_is_driven(image: Path, native_library: Path, tmp_path: Path) -> None:
     plan = tmp_path / "ahead.toml"
     plan.write_text(Plan("ahead", "ahead", (Segment(Kind.EFFORT, 4.0, 0.4, 0.4),), 20).to_toml())
-    command = [sys.executable, "-m", "truing", "run", str(plan), "--foxglove", "127.0.0.1:0", "--set"]
-    topics = ("/signals", "/pose", "/faults")
+    room = WorldMap.empty(4.0, 3.0)
+    room.paint_room((-1.5, -1.0), (1.5, 1.0), 0.05)
+    write_world(tmp_path / "room.yaml", room)
+    served = ["--foxglove", "127.0.0.1:0", "--map", str(tmp_path / "room.yaml")]
+    command = [sys.executable, "-m", "truing", "run", str(plan), *served, "--set"]
+    topics = ("/signals", "/pose", "/faults", "/map")
     with subprocess.Popen([*command, str(tmp_path / "set")], stderr=subprocess.PIPE, text=True) as running:
         assert running.stderr is not None
         line = next(line for line in running.stderr if line.startswith("Foxglove: "))
@@ -143,4 +150,7 @@ def test_foxglove_shows_a_plan_while_it_is_driven(image: Path, native_library: P
     assert row["ticks_left"] > 1000
     assert by_topic["/pose"][-1].content["pose"]["position"]["x"] == pytest.approx(row["x_m"], abs=1e-9)
     assert by_topic["/faults"][0].content["message"] == "no faults"
+    grid = by_topic["/map"][0].content
+    assert grid["column_count"] == room.occupied.shape[1]
+    assert b64decode(grid["data"]).count(255) == room.occupied.sum() > 0
     assert (tmp_path / "set" / "runs" / "01_ahead.csv").is_file()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ from support.mujoco_robot import RADIUS_M, STRAIGHT, TURNING, text, write_set
 from truing.cli import group
 from truing.errors import FileError, OutputError, TruingError
 from truing.exporters import ExportOptions, exporter, own_mjcf
+from truing.exporters.carried import check
+from truing.exporters.consumers import Consumer
 from truing.exporters.in_mujoco import driven
 from truing.exporters.into import patched
 from truing.exporters.own_robot import KEEP_MASSES, KEEP_MOTORS
@@ -332,6 +335,20 @@ def test_every_program_simulates_the_recordings_again(world: Path, tmp_path: Pat
     shown = CliRunner().invoke(group, [str(item) for item in arguments])
     assert "cannot hold it" in shown.output
     assert (tmp_path / "a.urdf").is_file()
+
+
+def test_what_cannot_be_run_is_said_and_the_rest_is_run(
+    world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    found = check(FOUND, read_recording_set(world / "turning"), ("fmu", "wpilib", "python"))
+    fmu, wpilib, python = found.formats
+    assert "C compiler" in fmu.why_not
+    assert "parameters" in wpilib.why_not
+    assert python.after_mps is not None
+    monkeypatch.setattr(Consumer, "installed", False)
+    lacking = check(FOUND, read_recording_set(world / "turning"), ("fmu",)).formats[0]
+    assert "fmpy is not installed" in lacking.why_not
 
 
 def test_a_model_is_found_again_by_its_own_program(world: Path) -> None:

@@ -143,7 +143,7 @@ def check_formats(
     app.say(f"truing's own simulation of the whole model: {_mm(found.own_mps)}")
     for one in found.formats:
         if not one.consumer:
-            app.say(f"note: {one.kind}: nothing that is installed here runs it")
+            app.say(f"note: {one.kind}: not run: {one.why_not}")
     return asdict(found)
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from truing.errors import TruingError
 from truing.model.robot_model import RobotModel
 from truing.progress import Progress
 from truing.recording.run import RecordingSet
@@ -28,6 +29,7 @@ class Carried:
     given_mps : error of the baseline beside the recordings in the same format; None without one.
     after_mps : error of the model as the format holds it.
     terms : by term of the model: the error with this term left out, or None where the format cannot hold it.
+    why_not : why nothing ran it.
     """
 
     kind: str
@@ -35,6 +37,7 @@ class Carried:
     given_mps: float | None
     after_mps: float | None
     terms: dict[str, float | None]
+    why_not: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,16 +75,23 @@ def _format(
     kind: str, model: RobotModel, given: RobotModel | None, all_tasks: Sequence[Task], options: ExportOptions
 ) -> Carried:
     consumer = CONSUMERS.get(kind)
-    if consumer is None or not consumer.installed:
-        return Carried(kind, "", None, None, {})
+    if consumer is None:
+        return Carried(kind, "", None, None, {}, "it is a set of parameters, which nothing runs")
+    if not consumer.installed:
+        return Carried(kind, "", None, None, {}, f"the package {consumer.module} is not installed")
 
     def error(one: RobotModel) -> float:
         with tempfile.TemporaryDirectory() as folder:
             return error_mps(all_tasks, simulation(kind, one, Path(folder), options), model)
 
     holds = exporter(kind).HOLDS
+    try:
+        after = error(model)
+    except TruingError as stop:
+        # A file that cannot be made (an FMU without a compiler) is no reason to say nothing of others.
+        return Carried(kind, "", None, None, {}, stop.message)
     terms = {
         term: error(without(model, holds - {term})) if term in holds else None
         for term in sorted(present(model))
     }
-    return Carried(kind, consumer.name, None if given is None else error(given), error(model), terms)
+    return Carried(kind, consumer.name, None if given is None else error(given), after, terms)
