@@ -130,6 +130,29 @@ def test_only_numbers_of_the_drive_change_and_a_backup_is_kept(tmp_path: Path) -
     assert other.read_bytes() == mine.read_bytes()
 
 
+def test_from_python_it_goes_into_another_file_or_in_place(tmp_path: Path) -> None:
+    import truing
+
+    mine, other = tmp_path / "my_robot.xml", tmp_path / "other.xml"
+    mine.write_text(text())
+    made = truing.export(FOUND, other, into=mine)
+    assert (made.kind, made.files) == ("mjcf", (other,))
+    assert mine.read_text() == text()
+    in_place = truing.export(FOUND, mine, into=mine)
+    assert mine.read_bytes() == other.read_bytes()
+    assert in_place.files[1].read_text() == text()
+
+
+def test_a_run_with_a_gap_or_in_motion_is_said(tmp_path: Path) -> None:
+    rows = ["t_s,effort_left,effort_right,vel_left_mps,vel_right_mps"]
+    rows += [f"{0.02 * k + (1.0 if k > 30 else 0.0):.2f},0.2,0.2,0.2,0.2" for k in range(60)]
+    (tmp_path / "run.csv").write_text("\n".join(rows) + "\n")
+    task = tasks(read_recording_set(tmp_path / "run.csv"))[0]
+    assert task.t_s.size == 31
+    assert "up to its gap at 0.6 s, 31 of 60 rows" in task.left_out
+    assert "begins in motion" in task.left_out
+
+
 def test_a_patch_that_would_make_it_worse_is_not_written(world: Path, tmp_path: Path) -> None:
     right, model = tmp_path / "right.xml", tmp_path / "model.toml"
     right.write_text(text(**HIDDEN))

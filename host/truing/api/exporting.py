@@ -10,6 +10,7 @@ from truing.diagnose.present.exports import BOARD, Export, write_export
 from truing.diagnose.result import Diagnosis
 from truing.errors import OutputError, TruingError
 from truing.exporters import ExportOptions, exporter, exporters, write_model
+from truing.exporters.into import patched
 from truing.exporters.terms import DEFAULTS
 from truing.foxglove.recording_file import write_set
 from truing.recording.frames import preformatted
@@ -40,6 +41,8 @@ def export(
     to: str | None = None,
     *,
     options: ExportOptions = DEFAULTS,
+    into: str | Path | None = None,
+    keep: str | None = None,
 ) -> Exported:
     """Write a model as a file of another program, and say what the file cannot hold.
 
@@ -52,6 +55,9 @@ def export(
         as `path` does. Recordings (what `read` returned) are written as mcap, for Foxglove: a file per
         run into the folder `path`, or one run to the file.
     options : what a model does not say and some formats need (voltage in V, inertia in kg m^2, lengths in m).
+    into : your own MJCF, URDF or SDF file, which `path` then is with the model in it; where both are the same
+        file, a backup is kept beside it.
+    keep : what is right in that file, masses or motors; the default is what changes it less.
 
     Returns
     -------
@@ -76,12 +82,24 @@ def export(
     check_output(path)
     if isinstance(model, RecordingSet):
         return _of_recordings(model, path, to)
+    if into is not None:
+        return _into(model, path, Path(into), options, keep)
     kind = to or _kind(path)
     if isinstance(model, Diagnosis):
         return _of_diagnosis(model, path, kind, options)
     robot, unused = as_robot_model(model)
     files, lines = write_model(kind, robot, path, options)
     return Exported(kind, files, (*(f"note: {note}" for note in unused), *lines))
+
+
+def _into(model: AnyModel, path: Path, file: Path, options: ExportOptions, keep: str | None) -> Exported:
+    robot, unused = as_robot_model(model)
+    made = patched(file, robot, options, keep=keep)
+    same = path.exists() and path.samefile(file)
+    written, backup = made.write(None if same else path)
+    lines = [f"note: {note}" for note in (*unused, *made.lines)] + [f"written: {written}"]
+    files = (written,) if backup is None else (written, backup)
+    return Exported(made.kind, files, tuple(lines))
 
 
 def _of_recordings(recordings: RecordingSet, path: Path, kind: str | None) -> Exported:

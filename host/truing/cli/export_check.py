@@ -51,6 +51,9 @@ def put_into(app: App, model: RobotModel, wish: Wish, options: ExportOptions) ->
     keep, joints = wish.keep, _pair(wish.joints)
     found: dict[str, Any] = {}
     judges = [] if wish.runs is None else tasks(read_recordings(wish.runs, model))
+    for task in judges:
+        if task.left_out:
+            app.say(f"note: {task.left_out}")
     if wish.is_refined:
         model, keep, judges, found["refined"] = _refined(app, model, wish, options, judges)
     made = patched(wish.path, model, options, keep=keep, joints=joints)
@@ -141,6 +144,8 @@ def check_formats(
         found = check(model, read_recordings(runs, model), kinds or list(CONSUMERS), options, progress)
     app.show(_table(found, str(runs)))
     app.say(f"truing's own simulation of the whole model: {_mm(found.own_mps)}")
+    for line in found.left_out:
+        app.say(f"note: {line}")
     for one in found.formats:
         if not one.consumer:
             app.say(f"note: {one.kind}: not run: {one.why_not}")

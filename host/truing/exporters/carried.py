@@ -42,10 +42,11 @@ class Carried:
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """All formats, and the tool's own simulation of the whole model on the same recordings, m/s."""
+    """All formats; our own simulation of the model on the same recordings, m/s; what is not simulated."""
 
     own_mps: float
     formats: tuple[Carried, ...]
+    left_out: tuple[str, ...] = ()
 
 
 def check(
@@ -68,7 +69,8 @@ def check(
         found.append(_format(kind, model, given, all_tasks, options))
         if progress is not None:
             progress(number / len(kinds))
-    return Check(error_mps(all_tasks, own(model), model), tuple(found))
+    left_out = tuple(task.left_out for task in all_tasks if task.left_out)
+    return Check(error_mps(all_tasks, own(model), model), tuple(found), left_out)
 
 
 def _format(

@@ -19,6 +19,9 @@ from truing.model.excitation import Pieces, excitation
 from truing.model.robot_model import RobotModel
 from truing.recording.run import GAP_FACTOR, WHEELS, RecordingSet, Run
 
+# A run whose first speed is above this share of its largest begins in motion.
+MOVING = 0.1
+
 
 @dataclass(frozen=True, slots=True)
 class Task:
@@ -29,12 +32,14 @@ class Task:
     t_s : shape (n,), s, from zero.
     measured_mps : shape (2, n), mean rim speeds over the intervals that end at the rows.
     pieces : efforts of the left and the right wheel, constant between the times at which they change.
+    left_out : what of the run is not in it, in a sentence, or "".
     """
 
     name: str
     t_s: FloatArray
     measured_mps: FloatArray
     pieces: tuple[Pieces, Pieces]
+    left_out: str = ""
 
     def effort(self, time_s: float) -> tuple[float, float]:
         """Efforts that act from this time on."""
@@ -85,7 +90,14 @@ def _task(run: Run, recordings: RecordingSet) -> Task:
             np.array([run.interval_s]),
         )
         pieces.append(driven.pieces)
-    return Task(run.name, t[kept], speeds, (pieces[0], pieces[1]))
+    said = []
+    if rows < len(t):
+        said.append(
+            f"{run.name}: simulated up to its gap at {run.t_s[rows - 1]:.4g} s, {rows} of {len(t)} rows"
+        )
+    if abs(speeds[:, 0]).max() > MOVING * abs(speeds).max():
+        said.append(f"{run.name}: it begins in motion, and simulations begin at rest")
+    return Task(run.name, t[kept], speeds, (pieces[0], pieces[1]), "; ".join(said))
 
 
 def error_mps(all_tasks: Sequence[Task], simulate: Simulate, model: RobotModel | None = None) -> float:
