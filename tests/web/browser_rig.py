@@ -57,6 +57,11 @@ def open_page(
     return page
 
 
+def address(page: Page) -> str:
+    """Path and query; `page.url` is that of the last event that Playwright has handled."""
+    return str(page.evaluate("location.pathname + location.search"))
+
+
 def live(page: Page, what: str) -> object:
     return page.evaluate(f"window.truing?.live?.{what} ?? null")
 

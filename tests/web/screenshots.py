@@ -1,4 +1,7 @@
-"""A picture of every page at both widths, with runs to look at and the robot driving: for review."""
+"""A picture of every page at both widths, with runs to look at and the robot driving: for review.
+
+With `--readme` the two pictures of the README as well, in few colours.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
+from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
 from web.synthetic_runs import VERDICT
@@ -33,7 +37,10 @@ twist = { v_mps = 0.3, omega_radps = 1.0471975512 }
 """
 
 
-def main(folder: Path) -> None:
+PICTURES = Path(__file__).resolve().parents[2] / "host/truing/web/pictures"
+
+
+def main(folder: Path, *, readme: bool = False) -> None:
     """Make the pictures in `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
     out = folder / "out"
@@ -54,6 +61,10 @@ def main(folder: Path) -> None:
             browser.close()
     finally:
         view.close()
+    if readme:
+        for name in ("live", "compare"):
+            with Image.open(folder / f"{name}-wide.png") as picture:
+                picture.convert("RGB").quantize(128).save(PICTURES / f"{name}.png", optimize=True)
 
 
 def _runs(out: Path) -> None:
@@ -113,6 +124,10 @@ def _square(page: Page) -> None:
 def _compare(page: Page) -> None:
     page.get_by_role("button", name="MOM paper", exact=True).click()
     _square(page)
+    box = page.locator(".plot canvas").bounding_box()
+    if box is not None:  # the cursor, and the robot on every path
+        page.mouse.move(box["x"] + 0.45 * box["width"], box["y"] + 0.4 * box["height"])
+    time.sleep(0.5)
 
 
 def _models(page: Page) -> None:
@@ -129,6 +144,12 @@ def _analysis(page: Page) -> None:
     time.sleep(4.0)
 
 
+def _experiments(page: Page) -> None:
+    page.get_by_label("Kind", exact=True).select_option(value="diagnosis")
+    page.get_by_label("Plan", exact=True).select_option(value="diagnosis/reversals")
+    time.sleep(1.0)
+
+
 PAGES: dict[str, Callable[[Page], None]] = {
     "live": _drive,
     "world": _drive,
@@ -137,8 +158,10 @@ PAGES: dict[str, Callable[[Page], None]] = {
     "models": _models,
     "analysis": _analysis,
     "scene": _drive,
+    "experiments": _experiments,
+    "parameters": lambda page: page.get_by_label("wheelbase_m", exact=True).wait_for(),
 }
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), readme="--readme" in sys.argv)

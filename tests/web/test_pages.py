@@ -193,7 +193,7 @@ def test_sensors_see_as_they_are_set_and_the_same_seed_sees_the_same(page):
 
     fill("Laser FOV, °", "90")
     wait(lambda: live(page, "state.scan?.laser.length") == 91, "a beam for every degree of 90")
-    fill("Noise, m", "0")
+    fill("Range error, m", "0")
     wait(lambda: live(page, "state.scan.laser.some(mm => mm > 1000)"), "walls farther than a metre")
     fill("Laser range, m", "1")
     wait(lambda: live(page, "state.scan.laser.every(mm => mm === null || mm <= 1000)"), "a short sight")
@@ -204,12 +204,17 @@ def test_sensors_see_as_they_are_set_and_the_same_seed_sees_the_same(page):
     first = page.evaluate("JSON.stringify(truing.live.state.scan.laser)")
     page.wait_for_timeout(500)
     assert page.evaluate("JSON.stringify(truing.live.state.scan.laser)") == first
-    fill("Noise, m", "0.05")
+    fill("Range error, m", "0.05")
     wait(lambda: page.evaluate("JSON.stringify(truing.live.state.scan.laser)") != first, "noise")
     fill("Rate, Hz", "2")
     page.get_by_role("button", name="Laser", exact=True).click()
     wait(lambda: live(page, "state.scan.laser.length") == 0, "no laser")
-    for label, value in (("Noise, m", "0.01"), ("Laser FOV, °", "180"), ("Sonars", "16"), ("Rate, Hz", "10")):
+    for label, value in (
+        ("Range error, m", "0.01"),
+        ("Laser FOV, °", "180"),
+        ("Sonars", "16"),
+        ("Rate, Hz", "10"),
+    ):
         fill(label, value)
     page.get_by_role("button", name="Laser", exact=True).click()
     wait(lambda: live(page, "state.scan.laser.length") == 181, "the laser as it was")

@@ -21,6 +21,9 @@ def runs(rig):
     return synthetic_set(rig.view.out / "made")
 
 
+PLOT = "document.querySelector('.plot canvas')?.plot"
+
+
 def paths(page):
     return page.evaluate(
         "document.querySelector('main canvas').topView.paths.map(p => [p.title, p.points.at(-1)])"
@@ -29,6 +32,11 @@ def paths(page):
 
 def end_of(page, title):
     return next((point for name, point in paths(page) if name == title), None)
+
+
+def curves(page):
+    """Curves that the plot draws."""
+    return page.evaluate(f"{PLOT}?.panels().reduce((sum, panel) => sum + panel.lines.length, 0) ?? 0")
 
 
 def settled_end_of(page, title):
@@ -71,7 +79,7 @@ def test_a_run_lies_beside_its_simulations_and_others_join_it(page):
     page.get_by_text("Measured paths of other runs").click()
     page.get_by_label("also draw 03_straight").check()
     wait(lambda: end_of(page, "03_straight"), "the other run")
-    wait(lambda: page.locator(".js-plotly-plot .scatterlayer .trace").count() >= 6, "all speeds drawn")
+    wait(lambda: curves(page) >= 6, "all speeds drawn")
 
 
 def test_runs_from_disk_are_dropped_in(page, rig, runs):
@@ -178,15 +186,14 @@ def test_signals_are_chosen_spans_are_measured_and_saved(page, tmp_path):
     wait(lambda: len(statistics(page)) == 5, "five signals")
     page.get_by_label("effort_left", exact=True).uncheck()
     wait(lambda: len(statistics(page)) == 4, "four signals again")
-    wait(lambda: page.locator(".js-plotly-plot .cartesianlayer .subplot").count() == 3, "three panels")
+    wait(lambda: page.evaluate(f"{PLOT}.panels().length") == 3, "three panels")
     page.get_by_label("from, s").fill("4.5")
     page.get_by_label("to, s").fill("6")
     # The last 1.5 s of 0.5 m/s on wheels of 1.3 instead of 1.45 m/s.
     wait(lambda: statistics(page)[0].split("\t")[1:3] == ["31", "0.4483"], "the steady speed")
     page.get_by_role("button", name="Select", exact=True).click()
-    selects = "document.querySelector('.js-plotly-plot')._fullLayout?.dragmode === 'select'"
-    wait(lambda: page.evaluate(selects), "a plot that selects")
-    box = page.locator(".js-plotly-plot .nsewdrag").first.bounding_box()
+    wait(lambda: page.evaluate(f"{PLOT}.tool") == "select", "a plot that selects")
+    box = page.locator(".plot canvas").first.bounding_box()
     page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 0.5 * box["height"])
     page.mouse.down()
     page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 0.6 * box["height"], steps=4)
@@ -196,7 +203,7 @@ def test_signals_are_chosen_spans_are_measured_and_saved(page, tmp_path):
     assert len(rows) >= 2
     assert rows[0].startswith("left")
     with page.expect_download() as download:
-        page.get_by_role("button", name="Save the selected signals as CSV").click()
+        page.get_by_role("button", name="Save the curves as CSV").click()
     text = download.value.path().read_text()
     assert (
         text.splitlines()[0] == "t_s,speed_left (m/s),speed_right (m/s),effort_right (% effort),theta_rad (°)"
@@ -238,8 +245,7 @@ def test_the_next_experiment_is_driven_and_joins_the_set(page, rig):
     page.get_by_role("button", name="02_straight, 1.0 to 2.5 s").click()
     wait(lambda: page.get_by_label("Run", exact=True).input_value() == "02_straight", "the run")
     wait(lambda: page.get_by_label("from, s").input_value() == "1", "the stretch")
-    shapes = "document.querySelector('.js-plotly-plot').layout?.shapes ?? []"
-    shaded = f"({shapes}).map(s => [s.x0, s.x1, s.fillcolor])"
+    shaded = f"({PLOT}.figure.marks ?? []).map(mark => [mark.from, mark.to, mark.colour])"
     wait(lambda: [1, 2.5, "#ff7b7b"] in page.evaluate(shaded), "its mark in the chart")
     run_to_the_end(page, lambda: start_run(page, "Run the next experiment"))
     added = own / "runs/04_next.csv"
@@ -251,9 +257,8 @@ def test_the_next_experiment_is_driven_and_joins_the_set(page, rig):
 
 def shown(page):
     """What the Compare page shows of a run: paths, curves, rows of the table."""
-    curves = "document.querySelector('.js-plotly-plot')?.data?.length ?? 0"
     rows = page.get_by_role("table", name="Stopping points").locator("tbody tr").count()
-    return len(paths(page)), page.evaluate(curves), rows
+    return len(paths(page)), curves(page), rows
 
 
 def test_a_run_that_cannot_be_shown_clears_what_was_there_and_says_why(page, rig):
@@ -266,7 +271,8 @@ def test_a_run_that_cannot_be_shown_clears_what_was_there_and_says_why(page, rig
     wait(lambda: min(shown(page)) > 0, "paths, speeds and a table")
     choose(page, "Set", "broken")
     choose(page, "Run", "02_straight")
-    page.get_by_text("02_straight cannot be shown").wait_for()
+    empty = f"{PLOT}?.figure.empty"
+    wait(lambda: page.evaluate(empty) == "02_straight cannot be shown", "a stage that says why")
     assert shown(page) == (0, 0, 0)
     assert "column" in page.locator(".side [role=status]").first.inner_text()
     choose(page, "Run", "01_straight")
@@ -277,7 +283,7 @@ def test_a_run_that_cannot_be_shown_clears_what_was_there_and_says_why(page, rig
     wait(lambda: len(statistics(page)) > 2, "signals", 30.0)
     choose(page, "Set", "broken")
     choose(page, "Run", "02_straight")
-    page.get_by_text("02_straight cannot be shown").wait_for()
+    wait(lambda: page.evaluate(empty) == "02_straight cannot be shown", "a stage that says why")
     assert statistics(page) == []
 
 

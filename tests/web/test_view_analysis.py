@@ -13,7 +13,7 @@ from truing.errors import TruingError
 from truing.recording.baseline import read_baseline
 from truing.web.process.diagnosis_job import DiagnosisJob
 from truing.web.views.analysis import analysis_content, csv_text, signals_of
-from truing.web.views.figures import decimated
+from truing.web.views.figures import MAX_POINTS, decimated
 from web.synthetic_runs import BASELINE, straight_run, synthetic_set
 
 
@@ -23,17 +23,15 @@ def baseline(tmp_path: Path):
     return read_baseline(tmp_path / "baseline.toml")
 
 
-def show(run, baseline, wanted=("speed_left", "x_m"), span=None, linked=True):
-    return analysis_content(run, baseline, wanted, span, linked=linked, select=False)
+def show(run, baseline, wanted=("speed_left", "x_m"), span=None):
+    return analysis_content(run, baseline, wanted, span)
 
 
-def test_signals_of_one_unit_share_a_panel_and_panels_share_time(baseline):
-    found = show(straight_run(), baseline, ("speed_left", "speed_right", "x_m"))
-    traces = found["figure"]["data"]
-    assert [trace["yaxis"] for trace in traces] == ["y", "y", "y2"]
-    assert found["figure"]["layout"]["xaxis2"]["matches"] == "x"
-    apart = show(straight_run(), baseline, ("speed_left", "x_m"), linked=False)
-    assert "matches" not in apart["figure"]["layout"]["xaxis2"]
+def test_signals_of_one_unit_share_a_panel(baseline):
+    found = show(straight_run(), baseline, ("speed_left", "speed_right", "x_m"), (1.0, 2.0))["figure"]
+    names = [(panel["unit"], [line["name"] for line in panel["lines"]]) for panel in found["panels"]]
+    assert names == [("m/s", ["speed_left", "speed_right"]), ("m", ["x_m"])]
+    assert [(mark["from"], mark["to"]) for mark in found["marks"]] == [(1.0, 2.0)]
 
 
 def test_statistics_are_of_the_selection(baseline):
@@ -73,7 +71,7 @@ def test_a_long_run_is_drawn_with_its_extremes(baseline):
     values[777] = 99.0
     t = run.t_s[0] + 0.01 * (values * 0 + 1).cumsum()
     times, drawn = decimated(t, values)
-    assert len(times) <= 2001
+    assert len(times) <= MAX_POINTS + 1
     assert max(value for value in drawn if value is not None) == 99.0
     assert len(signals_of(run, baseline)) == 9
 

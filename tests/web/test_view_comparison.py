@@ -16,7 +16,7 @@ from truing.web.models.error_model import ModelChoice
 from truing.web.path.sequence_file import plan_of
 from truing.web.path.trajectory import Cycle
 from truing.web.pose import Pose
-from truing.web.views.comparison import comparison_content
+from truing.web.views.comparison import comparison_content, comparison_csv
 from web.synthetic_runs import BASELINE, TAU_S, straight_run
 
 POSE_COLUMNS = ("x_m", "y_m", "theta_rad")
@@ -81,8 +81,10 @@ def test_speeds_and_residuals_need_no_wheelbase(kind):
     assert content["rms"]["simulated"] == pytest.approx(0.5 * (1.0 - 1.3 / 1.45), rel=0.25)
     if kind == "found":
         assert content["rms"]["modelled"] < 0.1 * content["rms"]["simulated"]
-    layout = content["figure"]["layout"]
-    assert "residual, m/s" in [layout[name]["title"]["text"] for name in layout if name.startswith("yaxis")]
+    assert "residual, m/s" in [panel["unit"] for panel in content["figure"]["panels"]]
+    head, *rows = comparison_csv(found).splitlines()
+    assert "left, Real robot minus Simulated (m/s)" in head
+    assert len(rows) == len(run)
 
 
 def test_a_run_without_pose_and_speeds_says_what_its_set_lacks():

@@ -9,13 +9,25 @@ import time
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 
 from nicegui import app, core, ui
 
 from truing.errors import PortError
 from truing.web.access.security import Access, AccessMiddleware, access_for
 from truing.web.live.page_socket import add_page_socket
-from truing.web.pages import analysis, compare, live, models, scene, trajectory, world
+from truing.web.pages import (
+    analysis,
+    compare,
+    experiments,
+    live,
+    models,
+    parameters,
+    scene,
+    trajectory,
+    world,
+)
+from truing.web.pages.address import Address
 from truing.web.pages.components import STATIC
 from truing.web.pages.layout import frame
 from truing.web.runs.dropped_files import add_reports, add_upload
@@ -74,15 +86,17 @@ def serve(session: ViewSession, options: ServerOptions, announce: Callable[[str,
     )
 
 
-def _routes(session: ViewSession) -> dict[str, Callable[[], None]]:
+def _routes(session: ViewSession) -> dict[str, Callable[[Address], None]]:
     return {
-        "/": lambda: live.build(session),
-        "/world": lambda: world.build(session),
-        "/trajectory": lambda: trajectory.build(session),
-        "/compare": lambda: compare.build(session),
-        "/models": lambda: models.build(session),
-        "/analysis": lambda: analysis.build(session),
+        "/": partial(live.build, session),
+        "/world": partial(world.build, session),
+        "/trajectory": partial(trajectory.build, session),
+        "/compare": partial(compare.build, session),
+        "/models": partial(models.build, session),
+        "/analysis": partial(analysis.build, session),
         "/scene": scene.build,
+        "/experiments": partial(experiments.build, session),
+        "/parameters": partial(parameters.build, session),
     }
 
 

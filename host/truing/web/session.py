@@ -14,16 +14,19 @@ from truing.link.client import Client, Timing
 from truing.virtual.options import VirtualOptions
 from truing.web.access.driver_lock import DriverLock
 from truing.web.models.error_model import Kind, ModelChoice, load_model
+from truing.web.path.history import History
 from truing.web.pose import Pose
 from truing.web.process.diagnosis_job import DiagnosisJob
 from truing.web.process.helper import HelperProcess
 from truing.web.process.robot_side import RobotSide, served_robot
+from truing.web.process.tuning_job import TuningJob
 from truing.web.process.virtual_board import VirtualBoardProcess
+from truing.web.process.wiring_job import WiringJob
 from truing.web.worker.board_worker import BoardWorker
 from truing.web.worker.source import POLL_HZ, open_source
 from truing.web.worker.state import RunRequest
 from truing.web.world.sensing import Sensing
-from truing.web.world.world_map import WorldMap
+from truing.web.world.world_map import FrozenWorld, WorldMap
 from truing.workspace import out_folder, recording_folder
 
 # A page reports a lost link after this time; requests are repeated several times within it.
@@ -67,6 +70,7 @@ class ViewSession:
             each_step=self._each_step,
         )
         self.world = _default_world()
+        self.world_history: History[FrozenWorld] = History()
         self.sensing = Sensing(self.world, self.poses)
         self.sensing.warm_up()
         self.speed_fraction = 0.4
@@ -80,6 +84,8 @@ class ViewSession:
         self.comparison_start = _START
         self.simulation = HelperProcess("truing.web.process.simulation_main")
         self.diagnosis = DiagnosisJob(self.diagnosis_folder)
+        self.tuning = TuningJob(self.worker, self.simulation)
+        self.wiring = WiringJob(self.worker, lambda: self.virtual)
 
     def start(self) -> None:
         """Start to connect and to scan."""
@@ -223,6 +229,21 @@ class ViewSession:
         virtual = self.virtual is not None or info is None
         return recording_folder(None if virtual or info is None else info.board_id)
 
+    def own_set(self, path: Path) -> Path:
+        """A set's folder, if runs of this board may be added to it.
+
+        Raises
+        ------
+        TruingError : its runs are another robot's.
+        """
+        own = (self.run_folder.parent.resolve(), out_folder().resolve())
+        if not any(path.resolve().is_relative_to(folder) for folder in own):
+            raise TruingError(
+                f"{path.name}: these runs are from another robot; nothing is added to them",
+                "choose a set that was recorded with this board",
+            )
+        return path
+
     @property
     def sequence_folder(self) -> Path:
         """Folder for sequences."""
@@ -242,6 +263,11 @@ class ViewSession:
     def model_file(self) -> Path:
         """File of the robot's model."""
         return self.model_folder / "robot.toml"
+
+    @property
+    def parameter_folder(self) -> Path:
+        """Folder for copies of the board's parameters."""
+        return out_folder() / "parameters"
 
     @property
     def diagnosis_folder(self) -> Path:

@@ -2,67 +2,55 @@
 
 from __future__ import annotations
 
-import json
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from nicegui import background_tasks, context, events, ui
 
 from truing.errors import TruingError
-from truing.plan import load_plan
-from truing.web.pages.components import Chart
+from truing.web.pages.address import Address
+from truing.web.pages.components import HeatMap, Plot
+from truing.web.pages.diagnosis_card import DiagnosisCard
 from truing.web.pages.elements import (
     Choice,
     PlainTable,
-    Toggle,
     button,
     heading,
     notify,
     number,
     set_text,
     tag,
+    with_next,
 )
 from truing.web.pages.live import task_panel
 from truing.web.pages.run_choice import NO_RUNS, RunChoice
-from truing.web.pages.run_preview import RunPreview
 from truing.web.session import ViewSession
 from truing.web.views.analysis import STATISTICS_HEAD, STEPS_HEAD, USUAL
 from truing.web.views.figures import empty_figure
-from truing.web.worker.state import RunRequest
 
 _VIEWS = {"signals": "Signals", "mismatch": "Mismatch"}
-_DRAGS = {"zoom": "Zoom", "select": "Select"}
-_STAGES = {
-    "none": "",
-    "running": "diagnosing",
-    "done": "done",
-    "failed": "failed",
-    "cancelled": "cancelled",
-}
+_DRAGS = {"pan": "Pan", "select": "Select"}
 
 
-def build(session: ViewSession) -> None:
+def build(session: ViewSession, address: Address) -> None:
     """The page."""
-    _AnalysisPage(session).build()
+    _AnalysisPage(session, address).build()
 
 
 class _AnalysisPage:
     """Signals of one run, and the diagnosis of its set."""
 
-    def __init__(self, session: ViewSession) -> None:
+    def __init__(self, session: ViewSession, address: Address) -> None:
         self.session = session
+        self.address = address
         self.client = context.client
-        self.preview = RunPreview(session)
-        self.selected = list(USUAL)
+        self.selected = [name for name in address.text("signals").split(",") if name] or list(USUAL)
         self.known: list[str] = []
-        self.view = "signals"
+        self.view = address.one_of("view", _VIEWS, "signals")
         self.signals: dict[str, Any] | None = None
         self.heat: dict[str, Any] | None = None
-        self.span: tuple[float, float] | None = None
-        self.linked = True
-        self.select = False
-        self.shown_stage = ("", 0.0)
+        span = address.numbers("span", 2)
+        self.span = None if span is None else (span[0], span[1])
         self._busy = False
         self._again = False
         self._filling = False
@@ -77,33 +65,29 @@ class _AnalysisPage:
         with tag("div", classes="view broad"):
             with tag("section", classes="stage", aria_label="Graphs"):
                 with tag("div", classes="tools"):
-                    Choice("View", _VIEWS, "signals", self.show_view)
-                    Choice("Drag mode", _DRAGS, "zoom", self.set_drag)
-                    Toggle("Link axes", True, self.set_linked)
+                    Choice("View", _VIEWS, self.view, self.show_view)
+                    Choice("Drag mode", _DRAGS, "pan", lambda tool: self.plot.set(tool=tool))
                     button("Full run", self.show_full_run, label="Show the full run and clear the selection")
-                    button("PNG", self.png, label="Save the figure as PNG")
-                    button("CSV", self.csv, label="Save the selected signals as CSV")
-                self.chart = Chart("Signals against time")
-                self.chart.classes("grows")
-                self.chart.on("plotly_selected", self.dragged, ["range"])
+                self.plot = Plot("Signals against time", exact=True, address=self.address)
+                self.plot.classes("grows")
+                self.plot.on("selected", self.dragged).on("csv", self.csv, [])
+                self.heat_box = tag("div", classes="heat")
             with tag("section", classes="side", aria_label="Run, statistics and diagnosis"):
                 with tag("div"):
                     heading("Run")
-                    self.runs = RunChoice(session=self.session, on_change=self.chose)
+                    self.runs = RunChoice(self.session, self.address, self.chose)
                     self.status = tag("p", classes="note dim", role="status", style="margin:4px 0 0")
                 with tag("details", classes="more-runs", open="open"):
                     tag("summary", "Signals")
                     self.ticks = tag("div", classes="ticks")
                 self._selection()
-                self._diagnosis()
+                self.diagnosis = DiagnosisCard(self.session, self.diagnosed, self.show_stretch)
                 with tag("div"):
                     heading("Steps")
                     with tag("div", classes="many"):
                         self.steps = PlainTable("Metrics of every step")
                 task_panel()
         self.runs.find()
-        self.update_progress()
-        ui.timer(0.4, self.update_progress)
 
     def _selection(self) -> None:
         with tag("div"):
@@ -116,50 +100,31 @@ class _AnalysisPage:
             with tag("div", style="margin-top:6px"):
                 self.statistics = PlainTable("Statistics of the selection")
 
-    def _diagnosis(self) -> None:
-        with tag("div"):
-            heading("Diagnosis")
-            with tag("div", classes="row-tight"):
-                self.start = button("Diagnose this set", self.diagnose, strong=True)
-                self.cancel = button("Cancel", self.session.diagnosis.cancel, label="Cancel the diagnosis")
-            self.bar = tag(
-                "progress", max="1", value="0", aria_label="Progress of the diagnosis", classes="progress"
-            )
-            self.stage = tag("p", classes="note dim", role="status", style="margin:4px 0 0")
-            self.verdict = tag("div", classes="diagnosis", aria_live="polite")
-
     # ---- the run
 
     def chose(self) -> None:
         """Show another run."""
-        self.span = None
+        if self._shown is not None:
+            self._keep_span(None)
         self.show_diagnosis()
-        self.draw()
-
-    def set_drag(self, what: str) -> None:
-        """Set whether dragging zooms or selects."""
-        self.select = what == "select"
-        self.draw()
-
-    def set_linked(self, on: bool) -> None:
-        """Link the time axes of the panels, or not."""
-        self.linked = on
         self.draw()
 
     def select_signal(self, name: str, on: bool) -> None:
         """Draw a signal, or remove it."""
         self.selected = [one for one in self.selected if one != name] + ([name] if on else [])
+        self.address.write(signals=",".join(self.selected))
         self.draw()
 
     def dragged(self, event: events.GenericEventArguments) -> None:
         """A span was selected with the mouse in any panel."""
-        found = event.args.get("range") if isinstance(event.args, dict) else None
-        for name, ends in (found or {}).items():
-            if name.startswith("x") and len(ends) == 2:
-                self.span = (round(float(min(ends)), 3), round(float(max(ends)), 3))
-                self.show_span()
-                self.draw()
-                return
+        first, last = (float(end) for end in event.args)
+        self._keep_span((round(first, 3), round(last, 3)))
+        self.show_span()
+        self.draw()
+
+    def _keep_span(self, span: tuple[float, float] | None) -> None:
+        self.span = span
+        self.address.write(span="" if span is None else f"{span[0]:g},{span[1]:g}")
 
     def set_span(self, *, first: float | None = None, last: float | None = None) -> None:
         """Set the ends of the selection by keyboard."""
@@ -168,7 +133,7 @@ class _AnalysisPage:
         ends = self.span or (float(self.first.value), float(self.last.value))
         span = (ends[0] if first is None else first, ends[1] if last is None else last)
         if span != self.span:
-            self.span = span
+            self._keep_span(span)
             if span[1] > span[0]:
                 self.draw()
 
@@ -183,15 +148,10 @@ class _AnalysisPage:
 
     def show_full_run(self) -> None:
         """Clear the selection and show the full run."""
-        self.span = None
+        self._keep_span(None)
         self.show_span()
-        self.chart.run_plot_method("relayout", {"xaxis.autorange": True, "yaxis.autorange": True})
+        self.plot.run_method("fit")
         self.draw()
-
-    def png(self) -> None:
-        """Save the figure in the browser."""
-        run = self.runs.run
-        self.chart.png("signals" if run is None else run.stem if self.view == "signals" else self.runs.name)
 
     async def csv(self) -> None:
         """Download the selected signals."""
@@ -200,7 +160,7 @@ class _AnalysisPage:
         try:
             found = await self.session.simulation.ask(self._request("csv"))
         except TruingError as error:
-            notify(str(error), good=False)
+            notify(with_next(error), good=False)
             return
         ui.download.content(found["text"], f"{self.runs.run.stem}.csv", "text/csv")
 
@@ -211,8 +171,6 @@ class _AnalysisPage:
             "run": str(self.runs.run),
             "signals": self.selected,
             "span": span,
-            "linked": self.linked,
-            "select": self.select,
             "marks": [
                 one["span"] for one in self.stretches if self.runs.run and one["run"] == self.runs.run.stem
             ],
@@ -239,7 +197,7 @@ class _AnalysisPage:
                     found = await self.session.simulation.ask(self._request("analyse"))
                 except TruingError as error:
                     if run == self.runs.run:
-                        self._clear(str(error))
+                        self._clear(with_next(error))
                     continue
                 if run == self.runs.run:
                     self._shown = run
@@ -265,6 +223,8 @@ class _AnalysisPage:
         self.steps.fill(STEPS_HEAD, found["steps"] or [["no steps in this run", *["–"] * 8]])
         if self.span is None:
             self._fill(found["start_s"], found["end_s"])
+        else:
+            self.show_span()
         names = [signal["name"] for signal in found["signals"]]
         if names != self.known:
             self.known = names
@@ -286,19 +246,28 @@ class _AnalysisPage:
                     )
                     tag("span", name)
 
-    # ---- the diagnosis
+    # ---- figures
 
     def show_view(self, view: str) -> None:
         """Show the signals or the heat map."""
         self.view = view
+        self.address.write(step=True, view=view)
         self._show_figure()
 
     def _show_figure(self) -> None:
-        """Update the figure; one element for both views, since a hidden plot cannot be resized."""
-        figure = self.signals if self.view == "signals" else self.heat
-        if figure is None or not figure["data"]:
-            figure = empty_figure(self._why_empty())
-        self.chart.update_figure(figure)
+        heat = self.heat if self.view == "mismatch" else None
+        self.heat_box.clear()
+        self.heat_box.set_visibility(heat is not None)
+        self.plot.set_visibility(heat is None)
+        if heat is not None:
+            with self.heat_box:
+                HeatMap("Mismatch of every run over time", heat)
+            return
+        figure = self.signals if self.view == "signals" else None
+        run = self.runs.run
+        title = "" if run is None else f"{self.runs.name}, {run.stem}"
+        shown = figure is not None and figure["panels"]
+        self.plot.show(figure if figure is not None and shown else empty_figure(self._why_empty()), title)
 
     def _why_empty(self) -> str:
         if self.runs.run is None:
@@ -309,99 +278,21 @@ class _AnalysisPage:
             return f"{self.runs.run.stem} cannot be shown"
         return "loading …" if self.signals is None else "select signals on the right"
 
-    def diagnose(self) -> None:
-        """Start a diagnosis of the set."""
-        home = self.runs.home
-        if home is None:
-            return
-        try:
-            self.session.diagnosis.start(home.path, home.name)
-        except TruingError as error:
-            notify(str(error), good=False)
-        self.update_progress()
-
-    def update_progress(self) -> None:
-        """Update progress, and show the verdict when it is ready."""
-        state = self.session.diagnosis.state
-        shown = (state.stage, round(state.progress, 3))
-        if shown == self.shown_stage:
-            return
-        ended = state.stage == "done" and self.shown_stage[0] != "done"
-        self.shown_stage = shown
-        running = state.stage == "running"
-        self.bar._props["value"] = f"{state.progress:.3f}"
-        self.bar.update()
-        self.bar.set_visibility(running)
-        self.cancel.set_visibility(running)
-        text = _STAGES[state.stage]
-        if running and state.runs is not None:
-            text = f"diagnosing {state.runs.name}: {100.0 * state.progress:.0f} %"
-        set_text(self.stage, f"{text} {state.problem}".strip())
-        if ended:
-            self.show_diagnosis()
-
     def show_diagnosis(self) -> None:
         """Show the diagnosis of the selected set."""
-        self.verdict.clear()
-        name = self.runs.name
-        result = self.session.diagnosis.result_of(name)
-        page = result.parent / "pages" / result.name
-        try:
-            content = json.loads(page.read_bytes()) if name else None
-        except (OSError, ValueError):
-            content = None
+        self.diagnosis.show(self.runs.home)
+
+    def diagnosed(self, content: dict[str, Any] | None) -> None:
+        """Take over what the diagnosis draws."""
         self.heat = (content or {}).get("heat")
         self.stretches = (content or {}).get("stretches", [])
         self._show_figure()
-        with self.verdict:
-            if content is None:
-                tag("p", "This set has not been diagnosed yet.", "dim note")
-                return
-            tag("p", content.get("finding") or content["heading"], "verdict")
-            with tag("div", classes="row-tight"):
-                if content["has_next"]:
-                    button("Run the next experiment", self.run_next, strong=True)
-                tag("a", "Adjust in Error models", "plain-link", href="/models")
-                address = f"/diagnoses/{result.with_suffix('.html').name}"
-                tag("a", "Report", "plain-link", href=address, target="_blank", rel="noopener")
-            if self.stretches:
-                tag("p", "Where it shows (red in the chart):", "note dim")
-            for stretch in self.stretches:
-                button(stretch["text"], partial(self.show_stretch, stretch)).classes("evidence")
-            for title, lines in content["sections"]:
-                with tag("details", **({"open": "open"} if title == "Verdict" else {})):
-                    tag("summary", title)
-                    for line in lines:
-                        tag("p", line, "note")
 
     def show_stretch(self, stretch: dict[str, Any]) -> None:
         """Show a stretch of a run that the finding is about."""
         if not self.runs.show(stretch["run"]):
-            notify(f"{stretch['run']} is no longer in this set", good=False)
+            notify(f"{stretch['run']} is no longer in this set: press Diagnose this set again", good=False)
             return
-        self.span = (float(stretch["span"][0]), float(stretch["span"][1]))
+        self._keep_span((float(stretch["span"][0]), float(stretch["span"][1])))
         self.show_span()
         self.draw()
-
-    def run_next(self) -> None:
-        """Show the plan that distinguishes the explanations, and run it; its run is added to the set."""
-        home = self.runs.home
-        if home is None:
-            return
-        plan = self.session.diagnosis.result_of(home.name).with_suffix(".next.toml")
-        try:
-            request = RunRequest(load_plan(str(plan)), self._folder_for(home.path), "next")
-            self.preview.show(request)
-        except TruingError as error:
-            notify(str(error), good=False)
-
-    def _folder_for(self, path: Path) -> Path:
-        own = self.session.run_folder.parent.resolve()
-        if not path.is_relative_to(own) and not path.is_relative_to(
-            self.session.model_folder.parent.resolve()
-        ):
-            raise TruingError(
-                f"{path.name}: these runs are from another robot; nothing is added to them",
-                "diagnose a set that was recorded with this board",
-            )
-        return path

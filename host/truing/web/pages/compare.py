@@ -5,24 +5,34 @@ from __future__ import annotations
 import math
 
 from truing.web.models.error_model import KINDS, Kind, offered_kinds
+from truing.web.pages.address import Address
 from truing.web.pages.drop_dialogue import RunDrop
 from truing.web.pages.elements import Choice, button, heading, number, tag
 from truing.web.pages.run_stage import RunStage
 from truing.web.pose import Pose
 from truing.web.session import ViewSession
 
+_KINDS: dict[str, Kind] = {str(kind): kind for kind in KINDS}
 
-def build(session: ViewSession) -> None:
+
+def build(session: ViewSession, address: Address) -> None:
     """The page."""
-    _ComparePage(session).build()
+    _ComparePage(session, address).build()
 
 
 class _ComparePage:
     """One comparison."""
 
-    def __init__(self, session: ViewSession) -> None:
+    def __init__(self, session: ViewSession, address: Address) -> None:
         self.session = session
-        self.stage = RunStage(session, lambda: session.model)
+        self.address = address
+        kind = _KINDS.get(address.text("model"))
+        if kind is not None and kind in offered_kinds(session.model):
+            session.set_model(kind=kind)
+        start = address.numbers("start", 3)
+        if start is not None:
+            session.comparison_start = Pose(*start)
+        self.stage = RunStage(session, address, lambda: session.model)
 
     def build(self) -> None:
         """Make the elements."""
@@ -68,10 +78,12 @@ class _ComparePage:
             start.y_m if y is None else y,
             start.theta_rad if theta is None else math.radians(theta),
         )
+        text = ",".join(f"{value:g}" for value in self.session.comparison_start.as_list())
+        self.address.write(start=text)
         self.stage.draw()
 
     def choose_model(self, kind: str) -> None:
         """Select the error model."""
-        known: dict[str, Kind] = {str(kind): kind for kind in KINDS}
-        self.session.set_model(kind=known[kind])
+        self.session.set_model(kind=_KINDS[kind])
+        self.address.write(step=True, model=kind)
         self.stage.draw()

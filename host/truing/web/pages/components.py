@@ -1,4 +1,4 @@
-"""Components with scripts of their own: floor, 3-D scene, strip chart, keys, drop zone, slider, figure."""
+"""Components with scripts of their own: floor, 3-D scene, plot, keys, drop zone, slider, heat map."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from nicegui import ui
 from nicegui.element import Element
 
 from truing.web.models.error_model import Slider
+from truing.web.pages.address import Address
 from truing.web.pose import Pose
-from truing.web.views.figures import empty_figure
+from truing.web.views.figures import Figure, empty_figure
 
 # Absolute: NiceGUI resolves a relative name against the module's folder, and silently ignores a missing file.
 STATIC = Path(__file__).parents[1] / "static"
@@ -24,10 +25,15 @@ class TopView(Element, component=STATIC / "top_view.js"):
     Parameters
     ----------
     mode : `live` (the robot), `world` (editing), `model` (the model robot), `paths` (paths only).
+    address : where zoom and pan are kept; None: nowhere.
     """
 
-    def __init__(self, label: str, mode: str, *, fitted: bool = False) -> None:
+    def __init__(
+        self, label: str, mode: str, *, fitted: bool = False, address: Address | None = None
+    ) -> None:
         super().__init__()
+        self._props["kept"] = address is not None
+        self._props["view"] = None if address is None else address.numbers("v", 3)
         for name, value in {
             "label": label,
             "mode": mode,
@@ -86,8 +92,37 @@ class Scene3D(Element, component=STATIC / "scene_3d.js"):
         self.update()
 
 
-class StripChart(Element, component=STATIC / "strip_chart.js", default_classes="strip"):
-    """Signals of both wheels over the last seconds."""
+class Plot(Element, component=STATIC / "plot.js", default_classes="plot-box"):
+    """Curves over time: zoom, pan, cursor, playback, PNG and CSV; on every page.
+
+    Emits `selected` with the ends (s) of a stretch drawn with the tool `select`, and `csv` where the page
+    saves the exact values itself.
+
+    Parameters
+    ----------
+    source : `figure` (see `show`) or `live` (the live signals).
+    exact : the page answers `csv`; otherwise the curves are saved as they are drawn.
+    address : where the zoom is kept; None: nowhere.
+    """
+
+    def __init__(
+        self, label: str, *, source: str = "figure", exact: bool = False, address: Address | None = None
+    ) -> None:
+        super().__init__()
+        self._props["zoomed"] = None if address is None else address.numbers("t", 2)
+        self._props["kept"] = address is not None
+        self._props["figure"] = empty_figure("loading …")
+        self.set(label=label, source=source, exact=exact, title=label, tool="pan")
+
+    def show(self, figure: Figure, title: str = "") -> None:
+        """Draw a figure; its title stands in the picture that is saved."""
+        self.set(figure=figure, title=title or self._props["label"])
+
+    def set(self, **props: Any) -> None:
+        """Change properties."""
+        for name, value in props.items():
+            self._props[name] = value
+        self.update()
 
 
 class LiveKeys(Element, component=STATIC / "live_keys.js"):
@@ -132,16 +167,14 @@ class ParameterSlider(Element, component=STATIC / "slider.js"):
             self._props[name] = content
 
 
-class Chart(ui.plotly):
-    """A figure that keeps its size while it is empty."""
+class HeatMap(ui.plotly):
+    """The mismatch of every run over time, as plotly draws it in reports."""
 
-    def __init__(self, label: str, *, height_px: int | None = None) -> None:
-        super().__init__(empty_figure("loading …"))
-        self.classes("chart")
+    def __init__(self, label: str, figure: Figure) -> None:
+        super().__init__(figure)
+        self.classes("chart grows")
         self._props["role"] = "group"
         self._props["aria-label"] = label
-        if height_px is not None:
-            self.style(f"height: {height_px}px")
 
     def png(self, name: str) -> None:
         """Save the figure as PNG in the browser."""

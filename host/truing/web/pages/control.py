@@ -55,7 +55,7 @@ class ControlGate:
         if self._session.claim(self._name):
             action()
         else:
-            notify("another page has taken control meanwhile", good=False)
+            notify("another page has taken control meanwhile: wait until it releases it", good=False)
 
     def _hidden(self) -> None:
         """Closed, by a button or by the Escape key."""

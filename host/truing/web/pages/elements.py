@@ -9,6 +9,8 @@ from typing import Any
 from nicegui import events, ui
 from nicegui.element import Element
 
+from truing.errors import TruingError
+
 
 class Select:
     """The browser's drop-down list.
@@ -100,6 +102,11 @@ def button(
     return element
 
 
+def action_link(text: str, to: str, *, strong: bool = False) -> Element:
+    """A link to a page that looks like a button."""
+    return tag("a", text, "plain strong" if strong else "plain", href=to)
+
+
 class Choice:
     """A row of buttons, one of them pressed.
 
@@ -162,6 +169,10 @@ class PlainTable:
         with tag("div", classes="scroll-x", tabindex="0", role="region", aria_label=caption):
             self._table = tag("table", classes="plain", aria_label=caption)
 
+    def clear(self) -> None:
+        """Show nothing."""
+        self._table.clear()
+
     def fill(self, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
         """Show these rows."""
         self._table.clear()
@@ -186,12 +197,25 @@ def number(
             on_change(float(event.value))
 
     field = ui.number(label, value=value, min=low, max=high, step=step, on_change=changed)
-    field.props("dense outlined dark").style("width: 106px")
+    # Wide enough for its label, which would be cut.
+    field.props("dense outlined dark").style(f"width: {max(106, 34 + 8 * len(label))}px")
     return field
 
 
+def with_next(error: Exception) -> str:
+    """What went wrong, and what to do about it."""
+    next_step = error.next_step if isinstance(error, TruingError) else ""
+    return f"{error}. Next: {next_step}" if next_step else str(error)
+
+
 def notify(text: str, *, good: bool = True) -> None:
-    """Show a notification at the bottom of the page."""
+    """Show a notification over the side of the page, beside the chart; a press takes it away."""
     ui.notify(
-        text, type="positive" if good else "negative", position="bottom", timeout=6000 if good else 12000
+        text,
+        type="positive" if good else "negative",
+        position="bottom-right",
+        timeout=6000 if good else 12000,
+        close_button="Close",
+        multi_line=True,
+        classes="beside",
     )

@@ -7,6 +7,7 @@ from functools import partial
 
 from nicegui import context, ui
 
+from truing.web.pages.address import Address
 from truing.web.pages.control import ControlGate
 from truing.web.pages.elements import button, dialog_box, live_text, tag
 from truing.web.session import ViewSession
@@ -19,7 +20,11 @@ PAGES = {
     "/models": "Error models",
     "/analysis": "Analysis",
     "/scene": "3-D",
+    "/experiments": "Experiments",
+    "/parameters": "Parameters",
 }
+# Pages that show a run: the one chosen on one of them is shown by the others too.
+_SHOW_RUNS = ("/compare", "/models", "/analysis")
 
 _HELP = (
     ("↑ ↓ ← → or W A S D", "drive while held: forward, back, left, right"),
@@ -29,15 +34,19 @@ _HELP = (
     (f"1 to {len(PAGES)}", "pages"),
     ("I J K L, comma, full stop, F, 0", "floor view: pan, zoom, fit, 100 px/m"),
     ("Enter", "floor view: apply the tool at the centre"),
+    ("J L, comma, full stop, F, I K, P", "plot: pan, zoom, all of it, cursor, play or pause"),
+    ("Ctrl Z, Ctrl Y", "World and Trajectory: undo, redo"),
 )
 
 
-def frame(session: ViewSession, routes: dict[str, Callable[[], None]]) -> None:
+def frame(session: ViewSession, routes: dict[str, Callable[[Address], None]]) -> None:
     """The navigation bar, the faults, and the page of the present address."""
     ui.add_head_html(
         '<link rel="stylesheet" href="/view-static/theme.css">'
         '<link rel="modulepreload" href="/view-static/live.js">'
+        '<link rel="modulepreload" href="/view-static/address.js">'
         '<script type="module">import { live } from "/view-static/live.js";'
+        'import "/view-static/address.js";'
         f'live.start("{context.client.id}");</script>'
     )
     ui.query("html").props('lang="en"')
@@ -48,7 +57,8 @@ def frame(session: ViewSession, routes: dict[str, Callable[[], None]]) -> None:
         with tag("nav", aria_label="Pages"):
             links = {}
             for number, (path, name) in enumerate(PAGES.items(), 1):
-                links[path] = tag("a", href=path, data_page=path)
+                shows_runs = {"data_shows_runs": ""} if path in _SHOW_RUNS else {}
+                links[path] = tag("a", href=path, data_page=path, **shows_runs)
                 with links[path]:
                     tag("span", name)
                     tag("kbd", str(number), aria_hidden="true")
@@ -77,16 +87,28 @@ def frame(session: ViewSession, routes: dict[str, Callable[[], None]]) -> None:
                 link._props.pop("aria-current", None)
             link.update()
 
-    def marked(path: str, build: Callable[[], None]) -> Callable[[], None]:
+    router = context.client.sub_pages_router
+    address = Address(router.current_path)
+
+    def marked(path: str, build: Callable[[Address], None]) -> Callable[[], None]:
         def page() -> None:
             mark(path)
             ui.page_title(f"{PAGES[path]} · truing")
             with tag("main"):
-                build()
+                build(address)
 
         return page
 
-    ui.sub_pages({path: marked(path, build) for path, build in routes.items()})
+    def opened(to: str) -> None:
+        before = address.path
+        shown = address.shows(to)
+        address.opened(to)
+        # Back to another state of the same page: it is made anew from its address.
+        if address.path == before and not shown:
+            pages.refresh()
+
+    router.on_path_changed(opened)
+    pages = ui.sub_pages({path: marked(path, build) for path, build in routes.items()})
 
 
 def _help() -> ui.dialog:

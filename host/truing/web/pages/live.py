@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from truing.web.pages.components import LiveKeys, StripChart, TopView
+from functools import partial
+
+from truing.web.pages.address import Address
+from truing.web.pages.components import LiveKeys, Plot, TopView
 from truing.web.pages.control import ControlGate
 from truing.web.pages.elements import Toggle, button, heading, live_text, tag
 from truing.web.session import ViewSession
@@ -20,15 +23,25 @@ _KEYS = (
 )
 
 
-def build(session: ViewSession) -> None:
+_SHOWN = ("follow", "sensors", "odometry")
+
+
+def build(session: ViewSession, address: Address) -> None:
     """The page."""
+
+    def show(name: str, on: bool) -> None:
+        top.set(**{name: on})
+        address.write({name: "1" if on else "0"})
+
     with tag("div", classes="view"):
         with tag("section", classes="stage", aria_label="Floor"):
-            top = TopView("The robot, its trail and its sensors from above", "live", fitted=True)
+            label = "The robot, its trail and its sensors from above"
+            top = TopView(label, "live", fitted=True, address=address)
+            shown = {name: address.flag(name, name == "sensors") for name in _SHOWN}
+            top.set(**shown)
             with tag("div", classes="overlay"):
-                Toggle("Follow", False, lambda on: top.set(follow=on))
-                Toggle("Sensors", True, lambda on: top.set(sensors=on))
-                Toggle("Odometry", False, lambda on: top.set(odometry=on))
+                for name, on in shown.items():
+                    Toggle(name.capitalize(), on, partial(show, name))
                 button("Clear trail", data_live_trail="")
                 button("Fit", top.fit)
         with tag("section", classes="side", aria_label="Instruments"):
@@ -58,7 +71,7 @@ def instruments() -> None:
             for side in ("left", "right"):
                 with tag("div", classes=f"meter {side}", aria_hidden="true"):
                     tag("span", data_live_bar=f"effort-{side}")
-    StripChart()
+    Plot("Wheel speeds, commands and efforts", source="live").classes("strip")
     drive_panel()
     pose_facts()
 
@@ -73,7 +86,7 @@ def pose_facts() -> None:
             ("y", "y, m"),
             ("forward", "speed, m/s"),
             ("odometry-error", "odometry error, mm"),
-            ("frame-rate", "frame rate"),
+            ("frame-rate", "frame rate, Hz"),
         )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,11 +22,13 @@ from truing.web.models.error_model import (
     read_verdict,
     save_model,
 )
+from truing.web.pages.address import Address
 from truing.web.pages.components import DropZone, ParameterSlider
-from truing.web.pages.elements import Choice, Select, button, heading, notify, tag
+from truing.web.pages.elements import Choice, Select, button, heading, notify, tag, with_next
+from truing.web.pages.model_export import ModelExport
 from truing.web.pages.run_stage import RunStage
 from truing.web.runs.dropped_files import ADDRESS, MAX_BYTES
-from truing.web.runs.library import baseline_of
+from truing.web.runs.library import baseline_of, safe_name
 from truing.web.session import ViewSession
 
 _NO_DIAGNOSES = {"": "none yet: start one under Analysis"}
@@ -39,23 +43,26 @@ _ABOUT = {
 }
 
 
-def build(session: ViewSession) -> None:
+def build(session: ViewSession, address: Address) -> None:
     """The page."""
-    _ModelsPage(session).build()
+    _ModelsPage(session, address).build()
 
 
 class _ModelsPage:
     """A model under adjustment; saving makes it the robot's model."""
 
-    def __init__(self, session: ViewSession) -> None:
+    def __init__(self, session: ViewSession, address: Address) -> None:
         self.session = session
+        self.address = address
         self.choice = session.model
         self.diagnosed_sliders: list[Slider] = []
         self.verdict: dict[str, Any] | None = None
-        self.stage = RunStage(session, lambda: self.choice, self.drawn)
+        self.explanation = "0"
+        self.stage = RunStage(session, address, lambda: self.choice, self.drawn)
 
     def build(self) -> None:
         """Make the elements."""
+        diagnosis = self._open_address()
         with tag("div", classes="view broad"):
             self.stage.picture("Overlay")
             with tag("section", classes="side", aria_label="Error model"):
@@ -75,12 +82,30 @@ class _ModelsPage:
                         button("Save as the robot's model", self.save, strong=True)
                         button("Reset values", self.reset)
                     self.saved = tag("p", classes="note dim", role="status", style="margin:4px 0 0")
+                ModelExport(self.session)
                 with tag("div"):
                     self.stage.table()
-        self.list_diagnoses()
+        self.list_diagnoses(diagnosis)
+        self.show()
+
+    def _open_address(self) -> Path | None:
+        """Restore model and sliders from the address; returns the diagnosis that is used."""
         if self.choice.kind == "found" and self.choice.effects:
             self.diagnosed_sliders = self._sliders_of_choice()
-        self.show()
+        kind, values = _KINDS.get(self.address.text("model")), self.address.text("values")
+        name, explanation = self.address.text("diagnosis"), self.address.text("explanation")
+        path = self.session.diagnosis_folder / f"{safe_name(name)}.json"
+        used = path if name and self._read(path, explanation) else None
+        if kind is not None:
+            self.choice = replace(self.choice, kind=kind)
+        for part in filter(None, values.split(",")):
+            key, _, value = part.rpartition("~")
+            with contextlib.suppress(ValueError, KeyError, TypeError, AttributeError):
+                self.choice = self.choice.with_value(key, float(value))
+        return used
+
+    def _keep(self, **texts: str) -> None:
+        self.address.write(step="values" not in texts, **texts)
 
     def list_diagnoses(self, chosen: Path | None = None) -> None:
         """List the diagnoses on disk."""
@@ -104,55 +129,82 @@ class _ModelsPage:
             if one.get("kind") == "diagnosis":
                 self.use(Path(str(one["path"])))
             else:
-                notify(str(one.get("error", "this is not a diagnosis")), good=False)
+                notify(
+                    str(
+                        one.get(
+                            "error", "this is not a diagnosis: drop the JSON file of `truing diagnose --json`"
+                        )
+                    ),
+                    good=False,
+                )
 
     def use(self, path: Path) -> None:
         """Use the result of a diagnosis."""
-        if not path.name:
-            return
+        if path.name and self._read(path):
+            self.list_diagnoses(path)
+            self._keep(model="found", diagnosis=path.stem, explanation=self.explanation)
+            self.address.write(values="")
+            self.show()
+
+    def _read(self, path: Path, explanation: str = "") -> bool:
         try:
             self.verdict = read_verdict(path)
-            self.explanation = str(explanations(self.verdict)[0][0])
-            self.use_explanation(self.explanation)
+            known = [str(number) for number, _ in explanations(self.verdict)]
+            self._take(explanation if explanation in known else known[0])
         except TruingError as error:
-            notify(str(error), good=False)
-            return
-        except (KeyError, TypeError, ValueError) as error:
-            notify(f"{path.name}: is not a diagnosis of this version ({error})", good=False)
-            return
-        self.list_diagnoses(path)
+            notify(with_next(error), good=False)
+            return False
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            notify(
+                f"{path.name}: is not a diagnosis of this version ({error}): diagnose its set again",
+                good=False,
+            )
+            return False
+        return True
+
+    def _take(self, explanation: str) -> None:
+        assert self.verdict is not None
+        self.explanation = explanation
+        found, self.diagnosed_sliders = diagnosed_model(self.verdict, int(explanation))
+        self.choice = ModelChoice("found", self.choice.paper, found.numbers, found.effects, found.source)
 
     def use_explanation(self, number: str) -> None:
         """Use one of several explanations."""
-        assert self.verdict is not None
-        self.explanation = number
-        found, self.diagnosed_sliders = diagnosed_model(self.verdict, int(number))
-        self.choice = ModelChoice("found", self.choice.paper, found.numbers, found.effects, found.source)
+        self._take(number)
+        self._keep(model="found", explanation=number)
+        self.address.write(values="")
         self.show()
 
     def set_kind(self, kind: str) -> None:
         """Select the kind of error model."""
         if kind == self.choice.kind:
             return
-        self.choice = ModelChoice(
-            _KINDS[kind], self.choice.paper, self.choice.numbers, self.choice.effects, self.choice.source
-        )
+        self.choice = replace(self.choice, kind=_KINDS[kind])
+        self._keep(model=kind)
         self.show()
 
     def adjust(self, slider: Slider, event: events.GenericEventArguments) -> None:
         """A slider was moved."""
         if isinstance(event.args, int | float):
             self.choice = self.choice.with_value(slider.key, float(event.args))
+            self._keep(values=self._values())
             self.stage.draw()
+
+    def _values(self) -> str:
+        """The sliders that were moved, as a text of the address."""
+        sliders = (
+            paper_sliders(ModelChoice().paper) if self.choice.kind == "paper" else self.diagnosed_sliders
+        )
+        pairs = [(slider, _value(self.choice, slider)) for slider in sliders]
+        return ",".join(f"{slider.key}~{value:.6g}" for slider, value in pairs if value != slider.value)
 
     def reset(self) -> None:
         """Restore the published or diagnosed values."""
         if self.choice.kind == "paper":
-            self.choice = ModelChoice(
-                "paper", ModelChoice().paper, self.choice.numbers, self.choice.effects, self.choice.source
-            )
+            self.choice = replace(self.choice, paper=ModelChoice().paper)
         elif self.verdict is not None:
-            self.use_explanation(self.explanation)
+            self._take(self.explanation)
+        self._keep(values="")
         self.show()
 
     def save(self) -> None:
@@ -163,7 +215,7 @@ class _ModelsPage:
         try:
             path = save_model(self.choice, baseline, self.session.model_file)
         except (TruingError, OSError) as error:
-            notify(str(error), good=False)
+            notify(with_next(error), good=False)
             return
         self.saved._text = f"saved: {path}"
         self.saved.update()

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from nicegui import context, ui
 
 from truing.errors import TruingError
 from truing.web.models.run_forecast import RunForecast, forecast
 from truing.web.pages.components import Countdown, TopView
-from truing.web.pages.elements import button, dialog_box, notify, tag
+from truing.web.pages.elements import button, dialog_box, notify, tag, with_next
 from truing.web.pose import Pose
 from truing.web.session import ViewSession
 from truing.web.worker.state import RunRequest
@@ -36,15 +38,22 @@ class RunPreview:
         self._session = session
         self._client = context.client
         self._request: RunRequest | None = None
+        self._start: Callable[[], Any] = lambda: None
         self._begun: _Begun | None = None
         with ui.dialog() as self._dialog:
             self._box = dialog_box()
         self._box.classes("run-preview")
         self._dialog.props('aria-label="Before the robot moves"').on("hide", self._hidden)
 
-    def show(self, request: RunRequest) -> None:
-        """Show what a run will do; the user starts it from there."""
+    def show(self, request: RunRequest, start: Callable[[], Any] | None = None) -> None:
+        """Show what a run will do; the user starts it from there.
+
+        Parameters
+        ----------
+        start : called in place of driving the request; the page then has control.
+        """
         session = self._session
+        self._start = start or (lambda: session.run(self._client.id, request))
         pose = session.corrected_pose() or Pose()
         with session.sensing.world_lock:
             found = forecast(request.plan, session.worker.parameters, pose, session.world)
@@ -96,14 +105,14 @@ class RunPreview:
         if begun is None or request is None:
             return
         if self._session.stops != begun.stops:
-            notify("stopped meanwhile: nothing has moved", good=False)
+            notify("stopped meanwhile, nothing has moved: preview and start again", good=False)
         elif time.monotonic() - begun.at_s > COUNTDOWN_S + _LATE_S:
             notify("the start came too late from this page: nothing has moved; start again", good=False)
         else:
             try:
-                self._session.run(self._client.id, request)
+                self._start()
             except TruingError as error:
-                notify(str(error), good=False)
+                notify(with_next(error), good=False)
         self._dialog.close()
 
     def _hidden(self) -> None:

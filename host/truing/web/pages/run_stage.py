@@ -7,12 +7,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from nicegui import background_tasks, context
+from nicegui import background_tasks, context, ui
 
 from truing.errors import TruingError
 from truing.web.models.error_model import ModelChoice
-from truing.web.pages.components import Chart, TopView
-from truing.web.pages.elements import PlainTable, button, heading, tag
+from truing.web.pages.address import Address
+from truing.web.pages.components import Plot, TopView
+from truing.web.pages.elements import PlainTable, button, heading, notify, tag, with_next
 from truing.web.pages.run_choice import NO_RUNS, RunChoice
 from truing.web.session import ViewSession
 from truing.web.views.figures import empty_figure
@@ -25,6 +26,7 @@ class RunStage:
 
     Parameters
     ----------
+    address : where the choice of run, zoom and pan are kept.
     model : returns the error model of the third column, called at each redraw.
     on_drawn : called with the content after each redraw.
     """
@@ -32,13 +34,16 @@ class RunStage:
     def __init__(
         self,
         session: ViewSession,
+        address: Address,
         model: Callable[[], ModelChoice],
         on_drawn: Callable[[dict[str, Any]], None] | None = None,
     ) -> None:
         self.session = session
+        self.address = address
         self.model = model
         self.on_drawn = on_drawn or (lambda _: None)
         self.more: list[Path] = []
+        self._more_names = address.text("more").split(",")
         self._requested = False
         self._busy = False
         self._shown: Path | None = None
@@ -54,15 +59,19 @@ class RunStage:
     def picture(self, label: str) -> None:
         """Path view above, speeds below."""
         with tag("section", classes="stage", aria_label=label):
-            self.top = TopView("The paths of the run and its simulations", "paths", fitted=True)
+            self.top = TopView(
+                "The paths of the run and its simulations", "paths", fitted=True, address=self.address
+            )
             with tag("div", classes="overlay"):
                 button("Fit", self.top.fit)
                 self.legend = tag("div", classes="legend boxed")
-            self.chart = Chart("Speeds of both wheels against time, and residuals", height_px=300)
+            label = "Speeds of both wheels against time, and residuals"
+            self.plot = Plot(label, exact=True, address=self.address)
+            self.plot.on("csv", self._csv, [])
 
     def choice(self) -> None:
         """The lists of sets and runs."""
-        self.runs = RunChoice(self.session, self._chosen)
+        self.runs = RunChoice(self.session, self.address, self._chosen, self.show_more)
         self.status = tag("p", classes="note dim", role="status", style="margin:4px 0 0")
         self.find()
 
@@ -84,8 +93,9 @@ class RunStage:
 
     def _chosen(self) -> None:
         home = self.runs.home
-        others = set() if home is None else set(home.runs) - {self.run}
-        self.more = [path for path in self.more if path in others]
+        others = [] if home is None else [path for path in home.runs if path != self.run]
+        named, self._more_names = self._more_names, []
+        self.more = [path for path in others if path in self.more or path.stem in named][-4:]
         self.show_more()
         self.draw()
 
@@ -117,6 +127,7 @@ class RunStage:
             self.more = [*self.more, path][-4:]
         elif not wanted and path in self.more:
             self.more.remove(path)
+        self.address.write(more=",".join(path.stem for path in self.more))
         self.draw()
 
     # ---- drawing
@@ -138,20 +149,12 @@ class RunStage:
                     return
                 if run != self._shown:
                     self._clear(f"{run.stem}: {_BUSY}")
-                start = self.session.comparison_start
-                request = {
-                    "kind": "compare",
-                    "run": str(run),
-                    "more": [str(path) for path in self.more],
-                    "model": self.model().to_json(),
-                    "start": start.as_list(),
-                }
                 self._set_status(_BUSY)
                 try:
-                    found = await self.session.simulation.ask(request)
+                    found = await self.session.simulation.ask(self._request(run))
                 except TruingError as error:
                     if run == self.run:
-                        self._clear(f"{run.stem} cannot be shown", str(error))
+                        self._clear(f"{run.stem} cannot be shown", with_next(error))
                     continue
                 if run == self.run:
                     self._shown = run
@@ -160,6 +163,27 @@ class RunStage:
                 await asyncio.sleep(0)
         finally:
             self._busy = False
+
+    def _request(self, run: Path) -> dict[str, Any]:
+        return {
+            "kind": "compare",
+            "run": str(run),
+            "more": [str(path) for path in self.more],
+            "model": self.model().to_json(),
+            "start": self.session.comparison_start.as_list(),
+        }
+
+    async def _csv(self) -> None:
+        """Download speeds and residuals at the run's own rate."""
+        run = self.run
+        if run is None:
+            return
+        try:
+            found = await self.session.simulation.ask(self._request(run) | {"csv": True})
+        except TruingError as error:
+            notify(with_next(error), good=False)
+            return
+        ui.download.content(found["text"], f"{run.stem}-compared.csv", "text/csv")
 
     def _clear(self, why: str, status: str = "") -> None:
         """Show nothing of another run; say why nothing is shown."""
@@ -172,7 +196,9 @@ class RunStage:
         self._set_status(" ".join(f"{note}." for note in found["notes"]))
         self.top.set(paths=found["paths"])
         figure = found["figure"]
-        self.chart.update_figure(figure if figure and figure["data"] else empty_figure(why_empty))
+        has_curves = figure and any(panel["lines"] for panel in figure["panels"])
+        title = "" if self.run is None else f"{self.runs.name}, {self.run.stem}: speeds and residuals"
+        self.plot.show(figure if has_curves else empty_figure(why_empty), title)
         self.legend.clear()
         with self.legend:
             for path in found["paths"]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from truing.web.pages.address import Address
 from truing.web.pages.components import LiveKeys, Scene3D
 from truing.web.pages.elements import Choice, Toggle, tag
 from truing.web.pages.live import drive_panel, pose_facts, task_panel
@@ -9,13 +10,20 @@ from truing.web.pages.live import drive_panel, pose_facts, task_panel
 _CAMERAS = {"orbit": "Orbit", "follow": "Follow", "top": "Top"}
 
 
-def build() -> None:
+def build(address: Address) -> None:
     """The page."""
+
+    def choose(camera: str) -> None:
+        scene.set(camera=camera)
+        address.write(camera=camera)
+
     with tag("div", classes="view"):
         with tag("section", classes="stage", aria_label="World in three dimensions"):
             scene = Scene3D("The world and the robot in three dimensions")
             with tag("div", classes="overlay"):
-                Choice("Camera", _CAMERAS, "orbit", lambda camera: scene.set(camera=camera))
+                camera = address.one_of("camera", _CAMERAS, "orbit")
+                scene.set(camera=camera)
+                Choice("Camera", _CAMERAS, camera, choose)
                 Toggle("Laser", True, lambda on: scene.set(sensors=on))
         with tag("section", classes="side", aria_label="Drive"):
             drive_panel()

@@ -9,15 +9,16 @@ from functools import partial
 from nicegui import events, ui
 
 from truing.errors import TruingError
+from truing.web.pages.address import Address
 from truing.web.pages.components import LiveKeys, TopView
 from truing.web.pages.control import ControlGate
-from truing.web.pages.elements import Choice, Toggle, button, heading, notify, number, tag
+from truing.web.pages.elements import Choice, Select, Toggle, button, heading, notify, number, tag, with_next
 from truing.web.pages.live import drive_panel
 from truing.web.path.sequence_file import checked_name
 from truing.web.pose import Pose
 from truing.web.session import ViewSession
 from truing.web.world.map_file import read_world, write_map, write_world
-from truing.web.world.world_map import WorldMap
+from truing.web.world.world_map import FrozenWorld, WorldMap
 
 _TOOLS = {
     "pan": "Move",
@@ -27,24 +28,27 @@ _TOOLS = {
     "room": "Room",
     "place": "Place robot",
 }
+_GRIDS = {"none": "Off", "odometry": "Odometry", "corrected": "Corrected pose"}
 _WALL_M = 0.05
 _MAX_POINTS = 1500
 
 
-def build(session: ViewSession) -> None:
+def build(session: ViewSession, address: Address) -> None:
     """The page."""
-    page = _WorldPage(session)
+    page = _WorldPage(session, address)
     page.build()
 
 
 class _WorldPage:
     """State of one page."""
 
-    def __init__(self, session: ViewSession) -> None:
+    def __init__(self, session: ViewSession, address: Address) -> None:
         self.session = session
+        self.address = address
         self.brush_m = 0.1
-        self.name = "room"
-        self.grid = "none"
+        self.name = address.text("name", "room")
+        self.tool = address.one_of("tool", _TOOLS, "pan")
+        self.grid = address.one_of("grid", _GRIDS, "none")
         self.gate = ControlGate(session)
         self._show_settings: list[Callable[[], object]] = []
 
@@ -52,13 +56,15 @@ class _WorldPage:
         """Make the elements."""
         with tag("div", classes="view"):
             with tag("section", classes="stage", aria_label="Floor"):
-                self.top = TopView(
-                    "The world from above: obstacles, walls and the robot", "world", fitted=True
-                )
+                label = "The world from above: obstacles, walls and the robot"
+                self.top = TopView(label, "world", fitted=True, address=self.address)
+                self.top.set(tool=self.tool, grid=self.grid)
                 self.top.on("stroke", self.stroke)
                 self.top.on("place", self.place)
                 with tag("div", classes="overlay"):
-                    Choice("Tool", _TOOLS, "pan", lambda tool: self.top.set(tool=tool))
+                    Choice("Tool", _TOOLS, self.tool, self.choose_tool)
+                    button("Undo", self.undo, data_undo="")
+                    button("Redo", self.redo, data_redo="")
                     button("Fit", self.top.fit)
             with tag("section", classes="side", aria_label="World and sensors"):
                 with tag("div"):
@@ -70,22 +76,20 @@ class _WorldPage:
                             .props("dense outlined dark")
                             .style("width:110px")
                         )
-                        name.on_value_change(lambda event: setattr(self, "name", str(event.value)))
+                        name.on_value_change(lambda event: self.set_name(str(event.value)))
+                        self.name_field = name
                     with tag("div", classes="row-tight", style="margin-top:8px"):
                         button("Save", self.save, strong=True)
                         button("Load", lambda: self.gate.run("replace the world", self.load))
                         button("Clear", lambda: self.gate.run("clear the world", self.clear))
+                    self.maps = Select("Open a saved map", {}, "", self.open_map)
+                    self.list_maps()
                 with tag("div"):
                     heading("Sensors")
                     self._sensors()
                 with tag("div"):
                     heading("Global map")
-                    Choice(
-                        "Global map",
-                        {"none": "Off", "odometry": "Odometry", "corrected": "Corrected pose"},
-                        "none",
-                        self.show_grid,
-                    )
+                    Choice("Global map", _GRIDS, self.grid, self.show_grid)
                     with tag("div", classes="row-tight", style="margin-top:8px"):
                         Toggle("Odometry pose", False, lambda on: self.top.set(odometry=on))
                         button("Reset maps", self.reset_maps)
@@ -118,7 +122,7 @@ class _WorldPage:
                 ("Laser FOV, °", "laser_fov_deg", 10, 360, 10),
                 ("Laser range, m", "laser_range_m", 0.5, 40, 0.5),
                 ("Rate, Hz", "rate_hz", 1, 40, 1),
-                ("Noise, m", "noise_m", 0, 0.5, 0.005),
+                ("Range error, m", "noise_m", 0, 0.5, 0.005),
                 ("Seed", "seed", 0, 1e6, 1),
             ):
                 value = getattr(settings, name)
@@ -165,6 +169,7 @@ class _WorldPage:
     def _paint(self, tool: str, points: list[tuple[float, float]]) -> None:
         world = self.session.world
         with self.session.sensing.world_lock:
+            self.session.world_history.leave(world.frozen())
             if tool in ("paint", "erase"):
                 world.paint_stroke(points, self.brush_m, tool == "paint")
             elif tool == "wall" and len(points) == 2:
@@ -180,6 +185,7 @@ class _WorldPage:
     def clear(self) -> None:
         """Remove all obstacles."""
         with self.session.sensing.world_lock:
+            self.session.world_history.leave(self.session.world.frozen())
             self.session.world.clear()
 
     def save(self) -> None:
@@ -189,20 +195,60 @@ class _WorldPage:
             with self.session.sensing.world_lock:
                 write_world(path, self.session.world)
         except TruingError as error:
-            notify(str(error), good=False)
+            notify(with_next(error), good=False)
         else:
             notify(f"saved: {path} and .png")
+            self.list_maps()
+
+    def list_maps(self) -> None:
+        """List the saved maps."""
+        files = sorted(self.session.map_folder.glob("*.yaml"), key=lambda path: -path.stat().st_mtime)
+        found = {path.stem: path.stem for path in files}
+        self.maps.fill({"": "choose one" if found else "none yet"} | found, "")
+
+    def open_map(self, name: str) -> None:
+        """Replace the world by a saved map; Undo brings back the one before."""
+        if name:
+            self.name_field.value = name
+            self.gate.run("replace the world", self.load, self.list_maps)
+
+    def choose_tool(self, tool: str) -> None:
+        """Select what the mouse does."""
+        self.tool = tool
+        self.top.set(tool=tool)
+        self.address.write(tool=tool)
+
+    def set_name(self, name: str) -> None:
+        """Name the map."""
+        self.name = name
+        self.address.write(name=name)
+
+    def undo(self) -> None:
+        """Undo the last change of the world, of whichever page."""
+        self.gate.run("change the world", partial(self._go_to, self.session.world_history.undo))
+
+    def redo(self) -> None:
+        """Redo what was undone."""
+        self.gate.run("change the world", partial(self._go_to, self.session.world_history.redo))
+
+    def _go_to(self, step: Callable[[FrozenWorld], FrozenWorld | None]) -> None:
+        world = self.session.world
+        with self.session.sensing.world_lock:
+            found = step(world.frozen())
+            if found is not None:
+                world.replace(found.world())
 
     def load(self) -> None:
         """Load the map of this name."""
         try:
             self.use(read_world(self.session.map_folder / f"{checked_name(self.name)}.yaml"), self.name)
         except TruingError as error:
-            notify(str(error), good=False)
+            notify(with_next(error), good=False)
 
     def use(self, world: WorldMap, name: str) -> None:
         """Replace the world by a map."""
         with self.session.sensing.world_lock:
+            self.session.world_history.leave(self.session.world.frozen())
             self.session.world.replace(world)
         self.session.sensing.clear_maps()
         self.top.fit()
@@ -212,6 +258,7 @@ class _WorldPage:
         """Select the global map that is displayed."""
         self.grid = grid
         self.top.set(grid=grid)
+        self.address.write(grid=grid)
 
     async def save_grid(self) -> None:
         """Save the displayed global map in the format of map_server."""
@@ -222,6 +269,6 @@ class _WorldPage:
             path = self.session.map_folder / f"{checked_name(self.name)}-{kind}.yaml"
             await asyncio.to_thread(write_map, path, grid.pixels(), grid.resolution_m, grid.origin_m)
         except TruingError as error:
-            notify(str(error), good=False)
+            notify(with_next(error), good=False)
         else:
             notify(f"saved: {path} and .png")

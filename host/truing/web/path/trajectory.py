@@ -12,7 +12,6 @@ from truing.web.pose import Pose
 
 KEYS = ("forward", "back", "left", "right", "faster", "slower")
 FORWARD, BACK, LEFT, RIGHT = KEYS[:4]
-_UNDONE_CYCLES = 10
 # Resolution of a drawn path: a quarter of a cycle is at most 2 cm, 2 pixels at the default scale.
 _POINTS_PER_CYCLE = 4
 
@@ -68,12 +67,6 @@ class KeyTrajectory:
         """Append cycles until the model robot is at rest, at maximum deceleration."""
         while self.cycles and (self.cycles[-1].v_mps or self.cycles[-1].omega_radps):
             self._append((0.0, 0.0))
-
-    def undo(self) -> None:
-        """Remove the last cycles."""
-        del self.cycles[-_UNDONE_CYCLES:]
-        self.pose = poses(self.start, self.cycles)[-1]
-        self.limited_by = ()
 
     def reset(self, start: Pose | None = None) -> None:
         """Remove all cycles and return to `start`."""

@@ -20,19 +20,29 @@ if TYPE_CHECKING:
 
 def answer(request: dict[str, Any]) -> dict[str, Any]:
     """Page content of a run (`compare` with its simulations, `analyse`, `csv`) or of control inputs
-    (`replay`).
+    (`replay`); a model as a file (`export`); feedforward from runs (`tuning_plans`,
+    `learn`, `track`).
     """
-    kinds = {"compare": _compare, "analyse": _analyse, "csv": _csv, "replay": _replay}
+    kinds = {
+        "compare": _compare,
+        "analyse": _analyse,
+        "csv": _csv,
+        "replay": _replay,
+        "export": _export,
+        "tuning_plans": _tuning_plans,
+        "learn": _learn,
+        "track": _track,
+    }
     return kinds[request["kind"]](request)
 
 
 def _compare(request: dict[str, Any]) -> dict[str, Any]:
-    """Needs `run` and `more` (paths), `model` (`ModelChoice.to_json`), `start` (x, y, theta)."""
+    """Needs `run` and `more` (paths), `model` (`ModelChoice.to_json`), `start` (x, y, theta); `csv`."""
     from truing.web.models.comparison import Comparison, compare
     from truing.web.models.error_model import ModelChoice
     from truing.web.pose import Pose
     from truing.web.runs.library import baseline_of, plan_of_run
-    from truing.web.views.comparison import comparison_content
+    from truing.web.views.comparison import comparison_content, comparison_csv
 
     start = Pose(*request["start"])
     found: list[Comparison] = []
@@ -42,6 +52,8 @@ def _compare(request: dict[str, Any]) -> dict[str, Any]:
         model = ModelChoice.of_json(request["model"]) if not found else None
         set_runs = partial(_set_of, path)
         found.append(compare(run, baseline_of(path), plan_of_run(run), model, start, set_runs=set_runs))
+    if request.get("csv"):
+        return {"text": comparison_csv(found[0])}
     return comparison_content(found[0], found[1:])
 
 
@@ -65,7 +77,7 @@ def _set_of(path: Path) -> list[Run]:
 
 
 def _analyse(request: dict[str, Any]) -> dict[str, Any]:
-    """Needs `run`, the `signals` to draw, the `span` of the statistics, `linked`, `select`, `marks`."""
+    """Needs `run`, the `signals` to draw, the `span` of the statistics, `marks`."""
     from truing.web.runs.library import baseline_of
     from truing.web.views.analysis import analysis_content
 
@@ -75,8 +87,6 @@ def _analyse(request: dict[str, Any]) -> dict[str, Any]:
         baseline_of(path),
         request["signals"],
         _span(request),
-        linked=request["linked"],
-        select=request["select"],
         marks=[(float(first), float(last)) for first, last in request.get("marks", [])],
     )
 
@@ -103,6 +113,36 @@ def _replay(request: dict[str, Any]) -> dict[str, Any]:
     robot = ModelChoice.of_json(request["model"]).applied(known)
     cycles = [Cycle(*cycle) for cycle in request["cycles"]]
     return {"path": thinned(plan_rollout(cycles, known, robot, Pose(*request["start"])))}
+
+
+def _export(request: dict[str, Any]) -> dict[str, Any]:
+    """Needs `model` (path), `to` (kind) and `folder`."""
+    from truing.web.process.export import export
+
+    return export(Path(request["model"]), request["to"], Path(request["folder"]))
+
+
+def _tuning_plans(_request: dict[str, Any]) -> dict[str, Any]:
+    from truing.identify.feedforward import learning_plan, proof_plan
+
+    plans = {plan.name: plan.to_dict() for plan in (proof_plan(), learning_plan())}
+    for content in plans.values():
+        content.pop("name", None)
+    return {"plans": list(plans.items())}
+
+
+def _learn(request: dict[str, Any]) -> dict[str, Any]:
+    """Needs `run` (path) of the learning plan."""
+    from truing.identify.feedforward import learn
+
+    return {"parameters": learn(_read(Path(request["run"])))}
+
+
+def _track(request: dict[str, Any]) -> dict[str, Any]:
+    """Needs `run` (path) of the proof plan, and the board's `parameters`."""
+    from truing.identify.feedforward import tracking
+
+    return {"both_mps": tracking(_read(Path(request["run"])), request["parameters"]).both_mps}
 
 
 def _span(request: dict[str, Any]) -> tuple[float, float] | None:

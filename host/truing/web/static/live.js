@@ -3,6 +3,7 @@
 
 const HEARTBEAT_MS = 60;
 const STOP_DEADLINE_MS = 300;      // after this time an unacknowledged stop is an alarm
+const KEPT_SAMPLES = 20_000;        // eleven minutes at 30 Hz, for the plot that is scrolled back
 const STALE_MS = 500;              // values older than this are drawn in grey
 const KEYS = {
   ArrowUp: "forward", KeyW: "forward", ArrowDown: "back", KeyS: "back",
@@ -41,7 +42,7 @@ class Live {
     this._open();
     this._watchHeight();
     setInterval(() => this._heartbeat(), HEARTBEAT_MS);
-    setInterval(() => { this.rate = this.frames; this.frames = 0; this._write("frame-rate", this.rate + " fps"); }, 1000);
+    setInterval(() => { this.rate = this.frames; this.frames = 0; this._write("frame-rate", String(this.rate)); }, 1000);
   }
 
   send(message) {
@@ -76,6 +77,10 @@ class Live {
     for (const name of ["link", "board", "task", "driver", "speed_fraction", "stop", "world", "grids", "frames"]) {
       if (name in frame) this.state[name] = frame[name];
     }
+    if (frame.task?.saved && frame.task.saved !== this.savedRun) {
+      if (this.savedRun !== undefined) window.truingAddress?.forgetRun();
+      this.savedRun = frame.task.saved;
+    } else if ("task" in frame) this.savedRun ??= "";
     if (frame.stop) this._stopDelivered(frame.stop.delivered);
     if (frame.scan) this.state.scan = frame.scan;
     if (frame.samples.length) {
@@ -83,7 +88,7 @@ class Live {
       this._checkAge();
       this.samples.push(...frame.samples);
       this.received += frame.samples.length;
-      if (this.samples.length > 6000) this.samples.splice(0, this.samples.length - 5000);
+      if (this.samples.length > KEPT_SAMPLES + 1000) this.samples.splice(0, this.samples.length - KEPT_SAMPLES);
       for (const s of frame.samples) addPoint(this.trail, s[8], s[9]);
     }
     if (frame.corrected) addPoint(this.truth, frame.corrected[0], frame.corrected[1]);
@@ -237,7 +242,7 @@ class Live {
   // ---- keys
 
   _key(event, down) {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.ctrlKey || event.metaKey || event.altKey) { if (down) this._editKey(event); return; }
     const typing = event.target.closest?.("input:not([type=range]), textarea, select, [contenteditable=true]");
     const ownArrows = event.target.closest?.("input[type=range], [role=slider], [role=listbox], [role=option], [role=combobox], [role=menu], [role=tab], [role=radio]");
     if (event.code === "Space") {
@@ -266,6 +271,13 @@ class Live {
     else if (event.key === "c" && !event.repeat) this.toggleControl();
     else if (/^[1-9]$/.test(event.key)) document.querySelectorAll("[data-page]")[event.key - 1]?.click();
     else if (event.key === "?") document.querySelector("[data-help]")?.click();
+  }
+
+  _editKey(event) { // undo and redo of the page, unless a text is being written
+    const redo = event.key === "y" || event.key === "Z", undo = event.key === "z";
+    if (!(undo || redo) || event.altKey || event.target.closest?.("input, textarea")) return;
+    const button = document.querySelector(redo ? "[data-redo]" : "[data-undo]");
+    if (button) { event.preventDefault(); button.click(); }
   }
 
   keyTarget() { return [...this.keyTargets].pop(); }

@@ -1,5 +1,9 @@
 // The floor from above: map, sensors, paths, trails and the robot, in metres with y upwards.
+import { address } from "/view-static/address.js";
+import { cursor } from "/view-static/cursor.js";
 import { live } from "/view-static/live.js";
+import { sampleAt } from "/view-static/live_signals.js";
+import { rowAt } from "/view-static/plot_paint.js";
 
 const BODY_M = 0.17, WHEEL_M = [0.127, 0.035], TRACK_M = 0.283;
 const LEFT = "#ffb454", RIGHT = "#5ccfe6", ROBOT = "#e6edf5";
@@ -8,7 +12,8 @@ export default {
   template: `<div class="top-view"><canvas tabindex="0" role="img" :aria-label="label"></canvas>
     <div class="top-view-readout" aria-hidden="true"></div></div>`,
   props: { label: String, mode: String, tool: String, follow: Boolean, sensors: Boolean, grid: String,
-           odometry: Boolean, brush: Number, scale: Number, paths: Array, nodes: Array, pose: Array, fitted: Boolean },
+           odometry: Boolean, brush: Number, scale: Number, paths: Array, nodes: Array, pose: Array, fitted: Boolean,
+           kept: Boolean, view: Array, driven: Boolean },
   mounted() {
     this.canvas = this.$el.querySelector("canvas");
     this.readout = this.$el.querySelector(".top-view-readout");
@@ -16,6 +21,8 @@ export default {
     this.stroke = null; this.pointers = new Map(); this.dirty = true; this.playing = null; this.lastSample = null;
     this.draw = () => { this.update(); this.paint(); };
     live.views.add(this.draw);
+    this.pointed = () => this.paint();
+    cursor.views.add(this.pointed);
     this.observer = new ResizeObserver(() => { if (this.fitted && !this.touched) this.fit(); this.paint(); });
     this.observer.observe(this.$el);
     const on = (name, handler) => this.canvas.addEventListener(name, handler, { passive: false });
@@ -25,16 +32,18 @@ export default {
     on("dblclick", (e) => { e.preventDefault(); this.$emit("finish", {}); });
     on("keydown", (e) => this.key(e));
     this.canvas.topView = this;
-    if (this.fitted) this.fit();
+    if (this.view) { this.centre = this.view.slice(0, 2); this.zoom = this.view[2]; this.touched = true; }
+    else if (this.fitted) this.fit();
     this.paint();
   },
-  unmounted() { live.views.delete(this.draw); this.observer.disconnect(); cancelAnimationFrame(this.playing?.frame); },
+  unmounted() { live.views.delete(this.draw); cursor.views.delete(this.pointed); this.observer.disconnect(); cancelAnimationFrame(this.playing?.frame); },
   watch: {
     paths() { if (this.fitted && !this.touched) this.fit(); this.paint(); }, nodes() { this.paint(); }, pose() { this.paint(); },
     grid() { this.paint(); }, sensors() { this.paint(); }, tool() { this.paint(); },
   },
   methods: {
     // ---- view
+    keep() { if (this.kept) address.later({ v: this.touched ? [...this.centre, this.zoom].map((n) => Number(n.toFixed(3))).join(",") : "" }); },
     toScreen(x, y) { return [this.w / 2 + (x - this.centre[0]) * this.zoom, this.h / 2 - (y - this.centre[1]) * this.zoom]; },
     toWorld(px, py) { return [this.centre[0] + (px - this.w / 2) / this.zoom, this.centre[1] - (py - this.h / 2) / this.zoom]; },
     at(event) { const box = this.canvas.getBoundingClientRect(); return this.toWorld(event.clientX - box.left, event.clientY - box.top); },
@@ -43,9 +52,9 @@ export default {
       this.zoom = Math.min(800, Math.max(8, this.zoom * factor)); this.touched = true;
       const after = this.at(event);
       this.centre = [this.centre[0] + before[0] - after[0], this.centre[1] + before[1] - after[1]];
-      this.paint();
+      this.keep(); this.paint();
     },
-    setZoom(factor) { this.zoom = factor ? Math.min(800, Math.max(8, this.zoom * factor)) : (this.scale || 100); this.touched = true; this.paint(); },
+    setZoom(factor) { this.zoom = factor ? Math.min(800, Math.max(8, this.zoom * factor)) : (this.scale || 100); this.touched = true; this.keep(); this.paint(); },
     fit() {
       const points = [];
       for (const path of this.paths || []) points.push(...path.points);
@@ -59,8 +68,8 @@ export default {
       const [x0, x1, y0, y1] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
       this.centre = [(x0 + x1) / 2, (y0 + y1) / 2];
       const margin = 0.35;
-      this.zoom = Math.min(400, this.canvas.clientWidth / (x1 - x0 + 2 * margin), this.canvas.clientHeight / (y1 - y0 + 2 * margin));
-      this.touched = false;
+      this.zoom = Math.min(this.mode === "paths" ? 400 : 200, this.canvas.clientWidth / (x1 - x0 + 2 * margin), this.canvas.clientHeight / (y1 - y0 + 2 * margin));
+      if (this.touched) { this.touched = false; this.keep(); }
       this.paint();
     },
     robotPose() { return this.mode === "model" ? (this.playing?.pose || this.modelPose || this.pose) : this.mode === "paths" ? null : live.corrected; },
@@ -82,6 +91,7 @@ export default {
     },
     update() {
       const samples = live.samples, last = samples[samples.length - 1];
+      if (this.driven) this.followRun();
       if (!last || this.mode !== "live") return;
       if (this.lastSample && last[0] > this.lastSample[0]) {
         const dt = Math.min(0.5, last[0] - this.lastSample[0]);
@@ -91,6 +101,13 @@ export default {
       if (this.follow && live.corrected && !this.pointers.size) {
         this.centre = [live.corrected[0], live.corrected[1]];
       }
+    },
+    followRun() { // what the robot has driven since its run began
+      const drives = live.state.task?.stage === "driving";
+      if (drives && !this.drives) this.drivenPath = [];
+      this.drives = drives;
+      const last = this.drivenPath?.at(-1), at = live.corrected;
+      if (drives && at && (!last || Math.hypot(at[0] - last[0], at[1] - last[1]) > 0.01)) this.drivenPath.push([...at]);
     },
     image(name, version) {
       const known = this.images[name] || (this.images[name] = { version: null, picture: null });
@@ -114,7 +131,7 @@ export default {
       this.grabbed = null;
       if ((tool === "line" || tool === "arc") && event.button === 0) {
         const index = (this.nodes || []).findIndex((n) => Math.hypot(n[0] - point[0], n[1] - point[1]) * this.zoom < 12);
-        if (index >= 0) { this.grabbed = index; return; }
+        if (index >= 0) { this.grabbed = index; this.grabbedFirst = true; return; }
         this.$emit("node", { x: point[0], y: point[1], kind: tool });
         return;
       }
@@ -130,7 +147,8 @@ export default {
       const before = this.pointers.get(event.pointerId);
       if (!before) { if (this.tool && this.tool !== "pan") this.paint(); return; }
       if (this.grabbed !== null && this.grabbed !== undefined) {
-        this.$emit("moved", { index: this.grabbed, x: point[0], y: point[1] });
+        this.$emit("moved", { index: this.grabbed, x: point[0], y: point[1], first: this.grabbedFirst });
+        this.grabbedFirst = false;
       } else if (this.stroke) {
         if (this.stroke.tool === "paint" || this.stroke.tool === "erase") {
           const last = this.stroke.points[this.stroke.points.length - 1];
@@ -142,7 +160,7 @@ export default {
         if (length(0) > 0) this.zoomAt(event, length(1) / length(0));
       } else {
         this.centre = [this.centre[0] - (event.clientX - before[0]) / this.zoom, this.centre[1] + (event.clientY - before[1]) / this.zoom];
-        this.touched = true;
+        this.touched = true; this.keep();
       }
       this.pointers.set(event.pointerId, [event.clientX, event.clientY]);
       this.paint();
@@ -162,7 +180,7 @@ export default {
     key(event) {
       const step = 40 / this.zoom;
       const moves = { j: [-step, 0], l: [step, 0], i: [0, step], k: [0, -step] };
-      if (moves[event.key]) { this.centre = [this.centre[0] + moves[event.key][0], this.centre[1] + moves[event.key][1]]; this.touched = true; }
+      if (moves[event.key]) { this.centre = [this.centre[0] + moves[event.key][0], this.centre[1] + moves[event.key][1]]; this.touched = true; this.keep(); }
       else if (event.key === "f") this.fit();
       else if (event.key === "0") this.setZoom(0);
       else if (event.key === "," ) this.setZoom(1 / 1.25);
@@ -203,14 +221,17 @@ export default {
       }
       for (const path of this.paths || []) this.path(c, path);
       if (this.modelPath) this.polyline(c, this.modelPath, "#7ee787", 2, []);
+      if (this.drivenPath?.length) this.polyline(c, this.drivenPath, ROBOT, 2, []);
       this.drawNodes(c);
       if (this.stroke) this.preview(c);
       else if (this.cursor && (this.tool === "paint" || this.tool === "erase")) this.ring(c, this.cursor);
       if (this.mode !== "paths") {
         if (this.mode !== "model" && this.odometry && live.odometry) this.robot(c, live.odometry, true);
         const pose = this.robotPose();
-        if (pose) this.robot(c, pose, false);
+        if (this.driven && live.corrected && (this.drives || this.drivenPath?.length)) this.robot(c, live.corrected, false);
+        if (pose && !(this.driven && this.drives)) this.robot(c, pose, false);
       }
+      this.pointedAt(c);
       if (this.tool && this.tool !== "pan" && document.activeElement === canvas) this.cross(c);
       this.scaleBar(c);
     },
@@ -336,6 +357,25 @@ export default {
       }
       c.beginPath(); c.moveTo(0.13 * z, 0); c.lineTo(0.03 * z, 0.045 * z); c.lineTo(0.03 * z, -0.045 * z); c.closePath();
       c.fillStyle = ROBOT; c.fill();
+      c.restore();
+    },
+    // The robot at the time of the plot's cursor, on every path that has times.
+    pointedAt(c) {
+      if (cursor.t === null) return;
+      if (cursor.live) {
+        const sample = this.mode === "live" ? sampleAt(cursor.t) : null;
+        if (sample) this.outline(c, sample.slice(8, 11), "#ff9e64");
+        return;
+      }
+      for (const path of this.paths || []) {
+        if (path.t?.length) this.outline(c, path.points[rowAt(path.t, cursor.t)], path.colour);
+      }
+    },
+    outline(c, pose, colour) {
+      const [x, y] = this.toScreen(pose[0], pose[1]), r = Math.max(6, BODY_M * this.zoom);
+      c.save(); c.translate(x, y); c.rotate(-(pose[2] || 0));
+      c.strokeStyle = colour; c.lineWidth = 2;
+      c.beginPath(); c.arc(0, 0, r, 0, 2 * Math.PI); c.moveTo(0, 0); c.lineTo(r, 0); c.stroke();
       c.restore();
     },
     scaleBar(c) {

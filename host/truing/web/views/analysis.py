@@ -73,8 +73,6 @@ def analysis_content(
     selected: Sequence[str],
     span: tuple[float, float] | None,
     *,
-    linked: bool,
-    select: bool,
     marks: Sequence[tuple[float, float]] = (),
 ) -> dict[str, Any]:
     """Figure, statistics and steps of a run, as plain lists and text.
@@ -97,17 +95,10 @@ def analysis_content(
         dash = "dot" if signal.name.startswith("cmd") else "solid"
         units.setdefault(signal.unit, []).append(Line(signal.name, run.t_s, signal.values, colour, dash))
     parts = [Panel(unit, lines) for unit, lines in units.items()]
-    figure = panels(parts, linked=linked, select=select, revision=run.name)
     shaded = [(*mark, MARKED, 0.16) for mark in marks]
     if span is not None:
         shaded.append((*span, SELECTED, 0.08))
-    figure["layout"]["shapes"] = [
-        {
-            "type": "rect", "xref": "x", "yref": "paper", "x0": first, "x1": last, "y0": 0, "y1": 1,
-            "fillcolor": colour, "opacity": opacity, "line": {"width": 0},
-        }
-        for first, last, colour, opacity in shaded
-    ]  # fmt: skip
+    figure = panels(parts, marks=shaded, revision=run.name)
     return {
         "signals": [{"name": signal.name, "unit": signal.unit} for signal in signals],
         "figure": figure,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from truing.recording.run import WHEELS
-from truing.web.models.comparison import COLUMNS, Comparison
+from truing.web.models.comparison import COLUMNS, Comparison, Curve
 from truing.web.models.error_replay import thinned
 from truing.web.views.figures import Line, Panel, panels
 
@@ -23,10 +25,10 @@ def comparison_content(main: Comparison, more: Sequence[Comparison] = ()) -> dic
     paths = []
     for curve, name, (colour, dash) in zip(main.curves, main.titles, STYLES, strict=True):
         if curve is not None and curve.path is not None:
-            paths.append(_path(thinned(curve.path), name, colour, dash))
+            paths.append(_path(curve, name, colour, dash))
     for other, colour in zip(more, MORE_COLOURS, strict=False):
         if other.real.path is not None:
-            paths.append(_path(thinned(other.real.path), other.run.name, colour, "solid"))
+            paths.append(_path(other.real, other.run.name, colour, "solid"))
     head = ["", *main.titles]
     rows = main.stopping_points()
     for other in more:
@@ -64,8 +66,38 @@ def _rms_text(main: Comparison, curve: Any) -> str:
     return "–" if error is None else f"{1e3 * error:.1f}"
 
 
-def _path(points: list[list[float]], name: str, colour: str, dash: str) -> dict[str, Any]:
-    return {"points": points, "title": name, "colour": colour, "dash": _CANVAS_DASH[dash], "css": dash}
+def _path(curve: Curve, name: str, colour: str, dash: str) -> dict[str, Any]:
+    assert curve.path is not None
+    rows = thinned(np.column_stack((curve.path, curve.t_s)))
+    return {
+        "points": [row[:3] for row in rows],
+        "t": [row[3] for row in rows],
+        "title": name,
+        "colour": colour,
+        "dash": _CANVAS_DASH[dash],
+        "css": dash,
+    }
+
+
+def comparison_csv(main: Comparison) -> str:
+    """Speeds of all columns and residuals as CSV, at the times of the real one."""
+    head, columns = ["t_s"], [main.real.t_s]
+    for wheel in WHEELS:
+        for curve, name in zip(main.curves, main.titles, strict=True):
+            speed = None if curve is None else curve.speed(wheel)
+            if curve is not None and speed is not None:
+                head.append(f"{wheel}, {name} (m/s)")
+                columns.append(np.interp(main.real.t_s, curve.t_s, speed))
+        for curve, name in zip(main.curves[1:3], main.titles[1:3], strict=True):
+            residual = None if curve is None else main.residual(wheel, curve)
+            if residual is not None:
+                head.append(f"{wheel}, {main.titles[3]} minus {name} (m/s)")
+                columns.append(residual)
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(head)
+    writer.writerows(np.column_stack(columns).tolist())
+    return out.getvalue()
 
 
 def _figure(main: Comparison) -> dict[str, Any]:
@@ -87,7 +119,4 @@ def _figure(main: Comparison) -> dict[str, Any]:
                 residuals.append(Line(name, main.real.t_s, values, STYLES[index][0], dash, 1.2))
     if residuals:
         parts.append(Panel("residual, m/s", residuals))
-    figure = panels(parts, revision=main.run.name)
-    # The legend of the path view above has the same colours.
-    figure["layout"] |= {"showlegend": False, "margin": figure["layout"]["margin"] | {"t": 8}}
-    return figure
+    return panels(parts, revision=main.run.name)

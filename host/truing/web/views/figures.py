@@ -1,4 +1,4 @@
-"""Time-series figures for the pages: dark plotly figures as plain dictionaries."""
+"""Figures of the pages: panels of curves over time for the plot, and reports' figures in dark colours."""
 
 from __future__ import annotations
 
@@ -15,22 +15,9 @@ Figure: TypeAlias = dict[str, Any]
 BACKGROUND, TEXT, DIM, LINE = "#0e1116", "#dbe3ec", "#94a1b2", "#2a333f"
 COLOURS = ("#ffb454", "#5ccfe6", "#7ee787", "#d2a8ff", "#ff7b7b", "#e6edf5", "#ffcb6b", "#79a8ff")
 # More points than screen columns only slow the page down.
-MAX_POINTS = 2000
-_GAP = 0.06
-_AXIS = {
-    "gridcolor": "#1d242e",
-    "zerolinecolor": "#3a4656",
-    "linecolor": LINE,
-    "tickfont": {"size": 11, "color": DIM},
-    "automargin": False,
-}
-CONFIG = {
-    "displaylogo": False,
-    "displayModeBar": False,
-    "responsive": True,
-    "doubleClick": "reset",
-    "scrollZoom": False,
-}
+MAX_POINTS = 4000
+# Of the figures that plotly draws.
+CONFIG = {"displaylogo": False, "displayModeBar": False, "responsive": True, "doubleClick": "reset"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +27,7 @@ class Line:
     Attributes
     ----------
     t, values : shape (n,); non-finite values are drawn as gaps.
-    dash : plotly's name: `solid`, `dash`, `dot`.
+    dash : `solid`, `dash` or `dot`.
     """
 
     name: str
@@ -60,84 +47,41 @@ class Panel:
 
 
 def empty_figure(text: str) -> Figure:
-    """A figure without data, with a text that explains why."""
-    figure = panels([])
-    figure["layout"] |= {
-        "xaxis": {"visible": False},
-        "yaxis": {"visible": False},
-        "annotations": [
-            {
-                "text": text, "showarrow": False, "font": {"size": 14, "color": DIM},
-                "xref": "paper", "yref": "paper", "x": 0.5, "y": 0.5,
-            }
-        ],
-    }  # fmt: skip
-    return figure
+    """A figure without curves, with a text that explains why; lines end with a line break."""
+    return {"panels": [], "marks": [], "revision": "", "empty": text}
 
 
 def panels(
-    parts: Sequence[Panel], *, linked: bool = True, select: bool = False, revision: str = ""
+    parts: Sequence[Panel], *, marks: Sequence[tuple[float, float, str, float]] = (), revision: str = ""
 ) -> Figure:
-    """Stacked panels.
+    """Stacked panels over one time axis, as the plot draws them (`static/plot.js`).
 
     Parameters
     ----------
-    linked : zooming one in time zooms them all.
-    select : dragging selects a time span; otherwise it zooms.
+    marks : shaded stretches: start and end (s), colour, opacity.
     revision : while it is unchanged, a new figure keeps the zoom of the old one.
     """
-    count = max(1, len(parts))
-    height = (1.0 - _GAP * (count - 1)) / count
-    layout: Figure = {
-        "font": {"family": 'system-ui, "DejaVu Sans", sans-serif', "size": 12, "color": TEXT},
-        "paper_bgcolor": BACKGROUND,
-        "plot_bgcolor": BACKGROUND,
-        "margin": {"l": 58, "r": 12, "t": 30, "b": 34},
-        "showlegend": True,
-        "legend": {
-            "orientation": "h", "x": 0, "y": 1.0, "yanchor": "bottom", "bgcolor": "rgba(0,0,0,0)",
-            "font": {"size": 11},
-        },
-        "hovermode": "x unified",
-        "hoverlabel": {"bgcolor": "#1b222c", "font": {"size": 11}},
-        "dragmode": "select" if select else "zoom",
-        "selectdirection": "h",
-        "uirevision": revision or None,
-        "autosize": True,
-    }  # fmt: skip
-    data: list[Figure] = []
-    for row, panel in enumerate(parts):
-        suffix = "" if row == 0 else str(row + 1)
-        top = 1.0 - row * (height + _GAP)
-        last = row == count - 1
-        x_axis = _AXIS | {"anchor": f"y{suffix}", "showticklabels": last or not linked}
-        if linked and row:
-            x_axis["matches"] = "x"
-        if last:
-            x_axis["title"] = {"text": "time, s", "font": {"size": 11, "color": DIM}, "standoff": 4}
-        layout[f"xaxis{suffix}"] = x_axis
-        layout[f"yaxis{suffix}"] = _AXIS | {
-            "domain": [max(0.0, top - height), top],
-            "anchor": f"x{suffix}",
-            "title": {"text": panel.unit, "font": {"size": 11, "color": DIM}, "standoff": 4},
-            "fixedrange": False,
-        }
-        for line in panel.lines:
-            t, values = decimated(line.t, line.values)
-            data.append(
-                {
-                    "type": "scatter",
-                    "mode": "lines",
-                    "name": line.name,
-                    "x": t,
-                    "y": values,
-                    "line": {"color": line.colour, "dash": line.dash, "width": line.width},
-                    "xaxis": f"x{suffix}",
-                    "yaxis": f"y{suffix}",
-                    "hovertemplate": "%{y:.4g}",
-                }
-            )
-    return {"data": data, "layout": layout, "config": CONFIG}
+    return {
+        "panels": [{"unit": part.unit, "lines": [_line(line) for line in part.lines]} for part in parts],
+        "marks": [
+            {"from": first, "to": last, "colour": colour, "opacity": opacity}
+            for first, last, colour, opacity in marks
+        ],
+        "revision": revision,
+        "empty": "",
+    }
+
+
+def _line(line: Line) -> dict[str, Any]:
+    t, values = decimated(line.t, line.values)
+    return {
+        "name": line.name,
+        "t": t,
+        "values": values,
+        "colour": line.colour,
+        "dash": line.dash,
+        "width": line.width,
+    }
 
 
 def decimated(t: FloatArray, values: FloatArray) -> tuple[list[float], list[float | None]]:
@@ -159,7 +103,7 @@ _HEAT = [[0.0, "#141920"], [0.12, "#2b2a33"], [0.35, "#8a4b2a"], [0.65, "#f08a3c
 
 
 def dark_theme(figure: Figure) -> Figure:
-    """A figure of a report in the view's colours."""
+    """A figure of a report (plotly's format) in the view's colours."""
     layout = dict(figure["layout"])
     layout["font"] = layout.get("font", {}) | {"color": TEXT}
     layout.pop("height", None)

@@ -6,7 +6,9 @@ import logging
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future
 from dataclasses import replace
+from typing import TypeVar
 
 from truing.board.device import Device
 from truing.board.state import Parameter
@@ -15,9 +17,11 @@ from truing.web.limits import Limits
 from truing.web.pose import Pose
 from truing.web.worker.connection import BoardConnection
 from truing.web.worker.sample import LiveHistory
-from truing.web.worker.shared import DriveCommand, SharedState
+from truing.web.worker.shared import BoardCall, DriveCommand, SharedState
 from truing.web.worker.source import LiveSource, open_source
 from truing.web.worker.state import RunRequest, Snapshot, Task
+
+T = TypeVar("T")
 
 _LOG = logging.getLogger("truing.web.board")
 
@@ -110,16 +114,33 @@ class BoardWorker:
         ------
         TruingError : the board is busy or not connected.
         """
-        snapshot = self.snapshot
-        if snapshot.link != "connected":
-            raise LinkError("no board is connected", "see the link state at the top of the page")
-        if snapshot.task is not None and not snapshot.task.is_over:
-            raise TruingError(
-                f"the board is busy with {snapshot.task.name}", "wait until it ends, or press space"
-            )
+        self._require_idle()
         self._shared.request_run(request)
         self._shared.publish(task=Task(request.label, "waiting"))
         self._wake.set()
+
+    def call(self, work: Callable[[Device], T], name: str = "") -> Future[T]:
+        """Do something with the board in its thread, while no plan runs; a stop ends it.
+
+        Parameters
+        ----------
+        name : as the task that pages show, for what takes time.
+
+        Raises
+        ------
+        TruingError : the board is busy or not connected.
+        """
+        self._require_idle()
+        call = BoardCall(name, work)
+        self._shared.request_call(call)
+        if name:
+            self._shared.publish(task=Task(name, "waiting"))
+        self._wake.set()
+        return call.result
+
+    def read_parameters(self) -> Future[dict[str, Parameter]]:
+        """Read the parameters, for pages and for driving."""
+        return self.call(self._read_parameters)
 
     def clear_faults(self) -> None:
         """Ask the board to clear latched faults whose cause no longer exists."""
@@ -139,7 +160,24 @@ class BoardWorker:
         """Set the robot's pose in the world."""
         self._shared.place(pose)
 
+    def _require_idle(self) -> None:
+        snapshot = self.snapshot
+        if snapshot.link != "connected":
+            raise LinkError("no board is connected", "see the link state at the top of the page")
+        if snapshot.task is not None and not snapshot.task.is_over:
+            raise TruingError(
+                f"the board is busy with {snapshot.task.name}", "wait until it ends, or press space"
+            )
+
     # ---- the thread
+
+    def _read_parameters(self, device: Device) -> dict[str, Parameter]:
+        shared = self._shared
+        shared.parameters = device.parameters()
+        shared.limits = Limits.of_board(
+            {name: parameter.value for name, parameter in shared.parameters.items()}
+        )
+        return shared.parameters
 
     def _run(self) -> None:
         failures = 0
@@ -180,10 +218,7 @@ class BoardWorker:
     def _serve(self, device: Device) -> None:
         shared = self._shared
         shared.publish(link="connecting", message=f"{device.info.board_name} answers", next_step="")
-        shared.parameters = device.parameters()
-        shared.limits = Limits.of_board(
-            {name: parameter.value for name, parameter in shared.parameters.items()}
-        )
+        self._read_parameters(device)
         source = self._open_source(device)
         shared.publish(
             link="connected",

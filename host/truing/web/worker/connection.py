@@ -12,7 +12,7 @@ from truing.board.run_saver import baseline_text, fetch_log, run_of, save_run
 from truing.board.state import BoardStatus
 from truing.errors import Interrupted, LinkError, PortError, TruingError, VirtualBoardError
 from truing.plan import Kind
-from truing.web.worker.shared import DriveCommand, SharedState
+from truing.web.worker.shared import BoardCall, DriveCommand, SharedState
 from truing.web.worker.source import LiveSource
 from truing.web.worker.state import RunRequest, Task
 from truing_protocol import LogEnd, SequenceState, State
@@ -51,6 +51,8 @@ class BoardConnection:
                 self._drive(requests.drive)
             if requests.clear_faults:
                 self._device.clear_faults()
+            for call in requests.calls:
+                self._call(call)
             self._poll()
         except Interrupted:
             return  # a stop arrived during a transfer: the next step executes it first
@@ -117,6 +119,25 @@ class BoardConnection:
         log_id = self._device.start(sequence, unattended=request.plan.unattended)
         self._running = _Running(request, log_id, sequence.duration_s)
         self._shared.publish(task=replace(task, stage="driving"))
+
+    def _call(self, call: BoardCall) -> None:
+        """Do what a page has asked for; its own errors are for that page, a lost link is for all."""
+        if call.name:
+            self._shared.publish(task=Task(call.name, "driving"))
+        try:
+            call.result.set_result(call.work(self._device))
+        except BaseException as error:
+            self._end_call(call, "stopped" if isinstance(error, Interrupted) else "failed", str(error))
+            call.result.set_exception(error)
+            if isinstance(error, (Interrupted, LinkError, PortError)):
+                raise
+        else:
+            self._end_call(call, "done", "")
+
+    def _end_call(self, call: BoardCall, stage: str, problem: str) -> None:
+        if call.name:
+            problem = self._shared.stop_reason if stage == "stopped" else problem
+            self._shared.publish(task=Task(call.name, stage, 1.0, problem))
 
     def _poll(self) -> None:
         samples, status = self._source.poll(_POLL_S)

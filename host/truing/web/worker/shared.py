@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass, field, replace
+from typing import Any
 
+from truing.board.device import Device
 from truing.board.state import Parameter
+from truing.errors import LinkError
 from truing.web.limits import Limits
 from truing.web.pose import Pose
 from truing.web.worker.sample import LiveHistory, LiveSample, PoseChain
@@ -22,6 +26,20 @@ class DriveCommand:
     until_s: float
 
 
+@dataclass(frozen=True, slots=True)
+class BoardCall:
+    """Something to do with the board that is neither driving nor a plan; the future takes its result.
+
+    Attributes
+    ----------
+    name : as the task that pages show; empty for what takes no time.
+    """
+
+    name: str
+    work: Callable[[Device], Any]
+    result: Future[Any] = field(default_factory=Future)
+
+
 @dataclass(slots=True)
 class Requests:
     """Pending requests of the pages; the board's thread takes them all at once.
@@ -35,6 +53,7 @@ class Requests:
     stop: int = 0
     run: RunRequest | None = None
     clear_faults: bool = False
+    calls: list[BoardCall] = field(default_factory=list)
 
 
 class SharedState:
@@ -113,6 +132,11 @@ class SharedState:
         with self._lock:
             self._requests.clear_faults = True
 
+    def request_call(self, call: BoardCall) -> None:
+        """Do something with the board at the next step."""
+        with self._lock:
+            self._requests.calls.append(call)
+
     @property
     def stop_pending(self) -> bool:
         """Whether a stop has not been acknowledged yet."""
@@ -136,6 +160,11 @@ class SharedState:
         with self._lock:
             self._wait_for_release = True
             self._requests.drive, self._requests.run = None, None
+            calls, self._requests.calls = self._requests.calls, []
+        for call in calls:
+            call.result.set_exception(
+                LinkError("the link was lost", "see the link state at the top of the page")
+            )
 
     # ---- samples
 

@@ -18,6 +18,22 @@ MAX_CELLS = 4_000_000
 BODY_M = 0.17
 
 
+@dataclass(frozen=True, slots=True)
+class FrozenWorld:
+    """A state of a world, a bit for each cell."""
+
+    shape: tuple[int, int]
+    bits: bytes
+    resolution_m: float
+    origin_m: tuple[float, float]
+
+    def world(self) -> WorldMap:
+        """As a world of its own."""
+        rows, columns = self.shape
+        cells = np.unpackbits(np.frombuffer(self.bits, np.uint8), count=rows * columns)
+        return WorldMap(cells.reshape(rows, columns).astype(np.bool_), self.resolution_m, self.origin_m)
+
+
 @dataclass
 class WorldMap:
     """Which cells are occupied.
@@ -87,6 +103,11 @@ class WorldMap:
         self.occupied = other.occupied
         self.resolution_m, self.origin_m = other.resolution_m, other.origin_m
         self.version += 1
+
+    def frozen(self) -> FrozenWorld:
+        """The content and extent of now."""
+        shape = (self.occupied.shape[0], self.occupied.shape[1])
+        return FrozenWorld(shape, np.packbits(self.occupied).tobytes(), self.resolution_m, self.origin_m)
 
     def widened(self, radius_m: float) -> BoolArray:
         """Cells whose centre is closer than a radius to the centre of an occupied one."""

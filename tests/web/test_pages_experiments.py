@@ -1,0 +1,113 @@
+"""Experiments: a plan is chosen, shown, driven, compared and diagnosed; parameters; exports."""
+
+from __future__ import annotations
+
+import pytest
+
+from truing.board.parameter_file import read_parameter_file
+from truing.recording.reader import read_run
+from web.browser_rig import address, go, live, run_to_the_end, start_run, take_control, wait
+from web.synthetic_runs import synthetic_set
+
+pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
+
+TOP = "document.querySelector('main canvas').topView"
+PLOT = "document.querySelector('.plot canvas')?.plot"
+
+
+def choose(page, label, text):
+    page.get_by_label(label, exact=True).select_option(label=text)
+
+
+def test_every_plan_is_shown_before_it_is_driven(page):
+    go(page, "8", "Experiments")
+    for kind, plan in (("The paper's tests", "XI"), ("Diagnosis", "staircase")):
+        choose(page, "Kind", kind)
+        wait(
+            lambda plan=plan: page.locator("select[aria-label=Plan] option", has_text=plan).count(),
+            "its plans",
+        )
+        value = page.locator("select[aria-label=Plan] option", has_text=f"{plan}:").first.get_attribute(
+            "value"
+        )
+        page.get_by_label("Plan", exact=True).select_option(value=value)
+        wait(lambda value=value: value in address(page), "the plan in the address")
+        wait(lambda value=value: page.evaluate(f"{PLOT}?.figure.revision") == value, "what it commands")
+        assert page.evaluate(f"{TOP}.paths[0].points.length") > 2
+    page.reload()
+    wait(lambda: page.get_by_label("Plan", exact=True).input_value() == value, "the plan after a reload")
+
+
+def test_a_step_is_driven_and_leads_to_comparison_and_diagnosis(page, browser, rig, problems):
+    synthetic_set(rig.view.out / "recordings/steps")
+    go(page, "8", "Experiments")
+    choose(page, "Kind", "Step")
+    page.get_by_label("duration, s", exact=True).fill("0.5")
+    page.get_by_label("height", exact=True).fill("30")
+    page.get_by_text("Step of 30% effort, both, 0.5 s", exact=False).wait_for()
+    wait(
+        lambda: page.locator("select[aria-label='Add to set'] option", has_text="recordings/steps").count(),
+        "sets",
+    )
+    choose(page, "Add to set", "recordings/steps")
+    # Another page lists the runs of the set meanwhile.
+    other = browser.new_page()
+    other.goto(rig.view.address + "compare?set=recordings/steps&run=01_straight")
+    wait(lambda: other.locator("select[aria-label=Run] option").count() == 3, "three runs")
+    run_to_the_end(page, lambda: start_run(page, "Preview and run"))
+    wait(lambda: other.locator("select[aria-label=Run] option").count() == 4, "the new run by itself")
+    assert other.get_by_label("Run", exact=True).input_value() == "01_straight"
+    other.close()
+    saved = live(page, "state.task.saved")
+    run = read_run(str(saved))
+    assert run.metadata.plan["title"] == "Step of 30% effort, both, 0.5 s"
+    page.get_by_text("04_step is in recordings/steps", exact=False).wait_for()
+    page.get_by_role("button", name="Diagnose this set").click()
+    page.get_by_text("diagnosing steps", exact=False).wait_for()
+    page.get_by_role("button", name="Cancel the diagnosis").click()
+    page.get_by_text("cancelled", exact=True).wait_for()
+    page.get_by_role("link", name="Compare", exact=False).last.click()
+    page.wait_for_function("document.title.startsWith('Compare')")
+    wait(lambda: page.get_by_label("Run", exact=True).input_value() == "04_step", "the run that was driven")
+
+
+def test_parameters_are_changed_compared_saved_to_a_file_and_put_back(page, rig):
+    go(page, "9", "Parameters")
+    field = page.get_by_label("wheelbase_m", exact=True)
+    field.wait_for()
+    before = field.input_value()
+    take_control(page)
+    page.get_by_role("button", name="Save to file").click()
+    file = rig.view.out / "parameters/board.toml"
+    wait(file.exists, "the file")
+    assert str(read_parameter_file(file)["wheelbase_m"]) == before
+    field.fill("0.3")
+    field.press("Tab")
+    page.get_by_text("1 of 45 values are not stored", exact=False).wait_for()
+    assert "0.3" in page.get_by_role("table", name="Parameters that differ").inner_text()
+    choose(page, "Compare with", "board")
+    page.get_by_role("button", name="Put these into force").click()
+    wait(lambda: field.input_value() == before, "the old value")
+    field.fill("99")
+    field.press("Tab")
+    page.locator(".q-notification").get_by_text("wheelbase_m", exact=False).first.wait_for()
+    wait(lambda: field.input_value() == before, "the value in force")
+    page.get_by_label("Search").fill("wheelbase")
+    wait(lambda: page.locator("table.parameters tbody tr").count() == 1, "one parameter")
+
+
+def test_the_saved_model_is_exported(page, rig):
+    synthetic_set(rig.view.out / "made")
+    page.goto(page.url + "models?set=made&run=01_straight")
+    page.get_by_text("speed error simulated", exact=False).wait_for(timeout=60_000)
+    page.get_by_role("button", name="Save as the robot's model").click()
+    wait((rig.view.out / "models/robot.toml").exists, "the robot's model")
+    page.get_by_text("Export the robot's model").click()
+    for kind, holds in (
+        ("MJCF: MuJoCo", b"<mujoco"),
+        ("C: a header with the board's parameters", b"#define"),
+    ):
+        choose(page, "Format", kind)
+        with page.expect_download() as download:
+            page.get_by_role("button", name="Export", exact=True).click()
+        assert holds in download.value.path().read_bytes()
