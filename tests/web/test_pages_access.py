@@ -22,7 +22,7 @@ FILLED = {
     "": "truing.live.samples.length > 10",
     "world": "truing.live.state.scan?.laser.length > 100",
     "trajectory?nodes=1_0_l,1_1_a&tool=line": "document.querySelectorAll('table.plain tbody tr').length > 5",
-    "compare?set=made&run=02_straight&model=paper": "document.querySelectorAll('.plot .key').length > 4",
+    "compare?set=made&run=02_straight&model=paper": "document.querySelectorAll('.plot .key').length > 3",
     "models?set=made&run=02_straight&model=found&diagnosis=made": (
         "document.querySelectorAll('.slider').length > 2"
     ),
@@ -31,6 +31,10 @@ FILLED = {
     "experiments?group=step": "document.querySelectorAll('.preview-facts dt').length > 4",
     "parameters?search=wheel": "document.querySelectorAll('table.parameters tbody tr').length > 3",
 }
+
+
+_OUT_OF_REACH_BY_KEY = """[...document.querySelectorAll('button, a[href], input, select, summary, canvas')]
+    .filter(one => one.checkVisibility() && !one.disabled && one.tabIndex < 0).map(one => one.outerHTML)"""
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +60,7 @@ def test_no_filled_page_has_a_serious_fault_of_access_or_scrolls_sideways(
     try:
         wait(lambda: page.evaluate(FILLED[path]), "content", 60.0)
         assert not accessibility_violations(page)
+        assert page.evaluate(_OUT_OF_REACH_BY_KEY) == []
         assert page.evaluate("document.documentElement.scrollWidth") <= width
     finally:
         page.close()

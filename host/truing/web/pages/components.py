@@ -167,6 +167,14 @@ class ParameterSlider(Element, component=STATIC / "slider.js"):
             self._props[name] = content
 
 
+class NumberField(Element, component=STATIC / "number_field.js"):
+    """A plain number field; emits `typed` with the text."""
+
+    def __init__(self, label: str, value: str) -> None:
+        super().__init__()
+        self._props["label"], self._props["value"] = label, value
+
+
 class HeatMap(ui.plotly):
     """The mismatch of every run over time, as plotly draws it in reports."""
 

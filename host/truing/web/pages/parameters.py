@@ -15,6 +15,7 @@ from truing.board.parameter_file import read_parameter_file, same_on_the_board, 
 from truing.board.state import Parameter, format_f32
 from truing.errors import TruingError
 from truing.web.pages.address import Address
+from truing.web.pages.components import NumberField
 from truing.web.pages.control import ControlGate
 from truing.web.pages.elements import PlainTable, Select, button, heading, notify, set_text, tag, with_next
 from truing.web.path.sequence_file import checked_name
@@ -162,12 +163,8 @@ class _ParametersPage:
         with tag("tr", classes="" if parameter.is_kept else "not-stored"):
             tag("th", name, scope="row")
             with tag("td"):
-                field = tag("input", type="number", step="any", value=parameter.text, aria_label=name)
-                field.on(
-                    "change",
-                    lambda event: self.change(name, event.args),
-                    js_handler="(e) => emit(e.target.value)",
-                )
+                field = NumberField(name, parameter.text)
+                field.on("typed", lambda event: self.change(name, event.args))
             stored = "–" if parameter.stored is None else format_f32(parameter.stored)
             limits = f"{format_f32(info.minimum)} to {format_f32(info.maximum)}"
             for text in (info.unit, stored, format_f32(info.default), limits):

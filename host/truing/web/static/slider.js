@@ -1,13 +1,13 @@
 // One parameter: a slider over a bar that shows its interval, and a number field. It keeps its own value while
-// it is dragged, also when the page is redrawn.
+// it is dragged or typed, also when the page is redrawn.
 export default {
   template: `<div class="slider" :style="bar">
     <span>{{ label }}</span>
-    <input type="number" step="any" :value="text" :aria-label="title + ', value'" @change="typed">
+    <input type="number" step="any" :value="draft ?? text" :aria-label="title + ', value'" @input="draft = $event.target.value" @change="typed">
     <input type="range" :min="low" :max="high" :step="(high - low) / 500" :value="at" :aria-label="label" @input="moved">
     <span class="dim interval">{{ intervalText }}</span></div>`,
   props: { title: String, unit: String, value: Number, low: Number, high: Number, interval: Array },
-  data() { return { at: this.value, sent: 0, waiting: null }; },
+  data() { return { at: this.value, sent: 0, waiting: null, draft: null }; },
   watch: { value(now) { this.at = now; } },
   computed: {
     label() { return this.unit ? `${this.title}, ${this.unit}` : this.title; },
@@ -24,7 +24,7 @@ export default {
   },
   methods: {
     moved(event) { this.setValue(event.target.valueAsNumber); },
-    typed(event) { if (Number.isFinite(event.target.valueAsNumber)) this.setValue(event.target.valueAsNumber); },
+    typed(event) { this.draft = null; if (Number.isFinite(event.target.valueAsNumber)) this.setValue(event.target.valueAsNumber); },
     setValue(value) {
       this.at = value;
       if (this.waiting) return;
