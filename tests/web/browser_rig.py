@@ -20,6 +20,13 @@ if TYPE_CHECKING:
 START = "Start in 3 s"
 
 
+# In the page itself: when its own picture or table stands there, ms after the navigation began.
+MARK_FIRST_PICTURE = """(() => { const look = () => {
+    const picture = document.querySelector('main canvas, main table tbody tr');
+    if (picture?.clientWidth) window.firstMs = performance.now(); else requestAnimationFrame(look);
+}; look(); })()"""
+
+
 class Rig:
     """A board, a link that can be cut, and the view connected through it."""
 

@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
+from web.browser_rig import MARK_FIRST_PICTURE
 from web.synthetic_runs import VERDICT
 from web.view_process import ViewProcess
 
@@ -52,9 +53,11 @@ def main(folder: Path, *, readme: bool = False) -> None:
             for size, (width, height) in SIZES.items():
                 for name, prepare in PAGES.items():
                     page = browser.new_page(viewport={"width": width, "height": height})
+                    page.add_init_script(MARK_FIRST_PICTURE)
                     page.goto(view.address + ("" if name == "live" else name))
                     page.wait_for_function("window.truing?.live?.samples?.length > 0")
                     time.sleep(1.0)
+                    print(f"{name}, {size}: first picture after {page.evaluate('window.firstMs'):.0f} ms")
                     prepare(page)
                     page.screenshot(path=folder / f"{name}-{size}.png")
                     page.close()
