@@ -100,6 +100,8 @@ export function paint(c, width, height, panels, range, options) {
     c.restore();
     c.save();
     c.translate(11, top + place.each / 2); c.rotate(-Math.PI / 2); c.textAlign = "center"; c.fillStyle = TEXT;
+    const wide = c.measureText(panel.unit).width; // a low panel has its unit in smaller letters
+    if (wide > place.each) c.font = `${Math.max(8, Math.floor(11 * place.each / wide))}px ${FONT}`;
     c.fillText(panel.unit, 0, 0);
     c.restore();
   });
