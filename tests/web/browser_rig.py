@@ -170,6 +170,15 @@ def start_run(page: Page, button: str) -> None:
     start.click()
 
 
+def choose_tool(page: Page, button: str, tool: str) -> None:
+    """Choose what the mouse does on the floor view, and wait until the view has it."""
+    page.get_by_role("button", name=button, exact=True).click()
+    wait(
+        lambda: page.evaluate("document.querySelector('main canvas').topView.tool") == tool,
+        f"the tool {tool}",
+    )
+
+
 def take_control(page: Page) -> None:
     """By the key that takes and releases control."""
     wait(lambda: live(page, "state.driver") != "other", "no driver")

@@ -16,6 +16,7 @@ from truing.recording.reader import read_run
 from truing.web.world.map_file import read_world
 from web.browser_rig import (
     board_state,
+    choose_tool,
     cycles,
     drive_by_key,
     go,
@@ -149,7 +150,7 @@ def test_a_wall_is_painted_seen_saved_and_erased(page, rig):
     page.get_by_role("button", name="Fit", exact=True).click()
     box = page.locator("main canvas").first.bounding_box()
     assert box is not None
-    page.get_by_role("button", name="Place robot", exact=True).click()
+    choose_tool(page, "Place robot", "place")
     middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
     page.mouse.move(*middle)
     page.mouse.down()
@@ -157,7 +158,7 @@ def test_a_wall_is_painted_seen_saved_and_erased(page, rig):
     page.mouse.up()
     wait(lambda: abs(live(page, "corrected[2]")) < 0.01, "a robot that heads along x")  # type: ignore[arg-type]
     wait(lambda: abs(live(page, "state.scan.pose[2]")) < 0.01, "a scan from there")  # type: ignore[arg-type]
-    page.get_by_role("button", name="Wall", exact=True).click()
+    choose_tool(page, "Wall", "wall")
 
     def screen(ahead_m: float, aside_m: float) -> tuple[float, float]:
         at = page.evaluate(
@@ -278,7 +279,7 @@ def test_a_path_driven_by_six_keys_becomes_a_sequence_that_the_board_runs(page, 
 
 def test_lines_are_drawn_dragged_and_run_and_losing_the_page_stops_the_run(browser, rig, problems):
     page = open_page(browser, rig, problems, "trajectory")
-    page.get_by_role("button", name="Lines", exact=True).click()
+    choose_tool(page, "Lines", "line")
     canvas = page.locator("main canvas").first
     canvas.click(position={"x": 600, "y": 300})
     canvas.click(position={"x": 700, "y": 400})

@@ -10,6 +10,7 @@ from web.browser_rig import (
     START,
     accessibility_violations,
     board_state,
+    choose_tool,
     drive_by_key,
     go,
     live,
@@ -61,7 +62,7 @@ def test_a_latched_fault_is_a_banner_on_every_page_until_it_is_cleared(page, rig
 def drawn_path(page):
     """Upload and run of a straight line of 1.5 m: up to its preview."""
     go(page, "3", "Trajectory")
-    page.get_by_role("button", name="Lines", exact=True).click()
+    choose_tool(page, "Lines", "line")
     canvas = page.locator("main canvas").first
     box = canvas.bounding_box()
     canvas.click(position={"x": box["width"] / 2 + 150, "y": box["height"] / 2})

@@ -4,7 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from web.browser_rig import address, drive_by_key, go, live, run_to_the_end, speed, start_run, wait
+from web.browser_rig import (
+    address,
+    choose_tool,
+    drive_by_key,
+    go,
+    live,
+    run_to_the_end,
+    speed,
+    start_run,
+    wait,
+)
 from web.synthetic_runs import synthetic_set
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
@@ -125,7 +135,7 @@ def test_the_live_plot_is_paused_scrolled_back_and_goes_on(page):
 
 def test_trajectory_shows_the_robot_on_its_way_beside_the_desired_path(page):
     go(page, "3", "Trajectory")
-    page.get_by_role("button", name="Lines", exact=True).click()
+    choose_tool(page, "Lines", "line")
     box = page.locator("main canvas").first.bounding_box()
     page.locator("main canvas").first.click(position={"x": box["width"] / 2 + 60, "y": box["height"] / 2})
     page.get_by_text("ends at", exact=False).first.wait_for()

@@ -10,7 +10,7 @@ import pytest
 from support.foreign_files import write_sysid
 from truing.recording.baseline import read_baseline
 from truing.recording.reader import read_run
-from web.browser_rig import accessibility_violations, go, live, run_to_the_end, start_run, wait
+from web.browser_rig import accessibility_violations, choose_tool, go, live, run_to_the_end, start_run, wait
 from web.synthetic_runs import BASELINE, TAU_S, VERDICT, synthetic_set
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
@@ -151,7 +151,7 @@ def test_control_inputs_are_replayed_under_the_model_in_force(page):
     page.get_by_role("button", name="Save as the robot's model").click()
     page.get_by_text("robot.toml", exact=False).first.wait_for()
     go(page, "3", "Trajectory")
-    page.get_by_role("button", name="Lines", exact=True).click()
+    choose_tool(page, "Lines", "line")
     canvas = page.locator("main canvas").first
     box = canvas.bounding_box()
     canvas.click(position={"x": box["width"] / 2 + 150, "y": box["height"] / 2})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from web.browser_rig import address, cycles, go, live, open_page, take_control, wait
+from web.browser_rig import address, choose_tool, cycles, go, live, open_page, take_control, wait
 from web.synthetic_runs import synthetic_set
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
@@ -72,7 +72,7 @@ def test_moved_sliders_are_in_the_address(page):
 
 def test_a_path_is_undone_redone_reloaded_and_opened_again(page):
     go(page, "3", "Trajectory")
-    page.get_by_role("button", name="Lines", exact=True).click()
+    choose_tool(page, "Lines", "line")
     canvas = page.locator("main canvas").first
     canvas.click(position={"x": 600, "y": 300})
     wait(lambda: cycles(page) > 0, "a line")
