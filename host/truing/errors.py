@@ -130,6 +130,10 @@ class LinkError(TruingError):
     exit_code = 1
 
 
+class StuffingError(ValueError):
+    """Bytes that no encoder of frames makes: a zero among them, or an end within a block."""
+
+
 class LinkTimeout(LinkError):
     """The board did not answer within the time that was allowed."""
 

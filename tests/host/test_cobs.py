@@ -9,6 +9,7 @@ from cobs import cobs as peer
 from hypothesis import given
 from hypothesis import strategies as st
 
+from truing.errors import StuffingError
 from truing.link import cobs
 
 # Bytes with zeros often enough, and runs without one long enough, to fill blocks.
@@ -38,7 +39,7 @@ def test_any_bytes_are_decoded_or_refused_as_by_the_package(data: bytes) -> None
     try:
         expected = peer.decode(data)
     except peer.DecodeError:
-        with pytest.raises(cobs.StuffingError):
+        with pytest.raises(StuffingError):
             cobs.decode(data)
     else:
         assert cobs.decode(data) == expected
@@ -50,5 +51,5 @@ def test_a_frame_cut_anywhere_is_no_longer_whole() -> None:
     for end in range(len(stuffed)):
         try:
             assert cobs.decode(stuffed[:end]) != data
-        except cobs.StuffingError:
+        except StuffingError:
             continue

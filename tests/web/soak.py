@@ -104,7 +104,7 @@ def soak(folder: Path, seconds: float, warm_s: float, min_runs: int = 1) -> Soak
             driver.wait_for_function("truing?.live?.state.link?.state === 'connected'", timeout=60_000)
             driver.get_by_label("Set", exact=True).select_option(label="recordings/soak")
             # The first drawing is slow, and a driving page whose heartbeat is late loses control.
-            driver.wait_for_selector(".js-plotly-plot .trace", timeout=60_000)
+            driver.wait_for_function("document.querySelectorAll('.plot .key').length > 1", timeout=60_000)
             _drive(driver, warm_s, 1)
             before = [resident_mb(pid), helpers_mb(pid), _heap_mb(watcher), _heap_mb(driver)]
             (count, board_s), began = _samples(watcher), time.monotonic()

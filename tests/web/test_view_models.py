@@ -119,7 +119,7 @@ def test_what_a_page_draws_has_a_column_for_every_run(tmp_path):
     ]
     # Wheels of 1.3 m/s against a baseline of 1.45: 0.3 m/s come out a tenth too fast.
     assert found["rms"]["simulated"] == pytest.approx(0.3 * (1.0 - 1.3 / 1.45), rel=0.2)
-    times = np.array(found["figure"]["data"][0]["x"])
+    times = np.array(found["figure"]["panels"][0]["lines"][0]["t"])
     assert times[-1] == pytest.approx(6.0)
 
 

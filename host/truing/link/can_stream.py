@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import isotp
 
-from truing.errors import LinkClosed
+from truing.errors import LinkClosed, StuffingError
 from truing.link import cobs
 from truing.link.can_bus import CanBus
 from truing_protocol import (
@@ -138,7 +138,7 @@ class CanStream:
         *ended, self._begun = (self._begun + data).split(b"\0")
         for stuffed in ended:
             # What is no frame cannot be sent as one; a serial line would carry it to be dropped there.
-            with contextlib.suppress(cobs.StuffingError):
+            with contextlib.suppress(StuffingError):
                 frame = cobs.decode(stuffed)
                 # One that is asked again while it still waits here goes once.
                 if frame and frame not in self._unsent:

@@ -6,11 +6,9 @@ block is a code and code - 1 bytes that are not zero; a code below 255 stands fo
 
 from __future__ import annotations
 
+from truing.errors import StuffingError
+
 FULL = 255
-
-
-class StuffingError(ValueError):
-    """Bytes that no encoder makes: a zero among them, or an end within a block."""
 
 
 def encode(data: bytes) -> bytes:
@@ -44,7 +42,7 @@ def decode(stuffed: bytes) -> bytes:
         block = stuffed[at + 1 : at + code]
         at += code
         if not code or at > end or 0 in block:
-            raise StuffingError("a zero, or an end within a block")
+            raise StuffingError("a zero among stuffed bytes, or an end within a block")
         out += block
         if code < FULL and at < end:
             out.append(0)

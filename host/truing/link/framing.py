@@ -10,6 +10,7 @@ import struct
 import zlib
 from dataclasses import dataclass
 
+from truing.errors import StuffingError
 from truing.link import cobs
 
 MAX_PAYLOAD = 1024
@@ -100,7 +101,7 @@ def _decode(encoded: bytes) -> Frame | None:
     """The frame in one COBS-coded stretch without zeros, or None where there is none."""
     try:
         body = cobs.decode(encoded)
-    except cobs.StuffingError:
+    except StuffingError:
         return None
     if len(body) < OVERHEAD:
         return None

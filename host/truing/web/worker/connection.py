@@ -124,8 +124,9 @@ class BoardConnection:
         """Do what a page has asked for; its own errors are for that page, a lost link is for all."""
         if call.name:
             self._shared.publish(task=Task(call.name, "driving"))
+        # Whoever waits for the result may ask for the next at once: the task is over before it is given.
         try:
-            call.result.set_result(call.work(self._device))
+            result = call.work(self._device)
         except BaseException as error:
             self._end_call(call, "stopped" if isinstance(error, Interrupted) else "failed", str(error))
             call.result.set_exception(error)
@@ -133,6 +134,7 @@ class BoardConnection:
                 raise
         else:
             self._end_call(call, "done", "")
+            call.result.set_result(result)
 
     def _end_call(self, call: BoardCall, stage: str, problem: str) -> None:
         if call.name:
