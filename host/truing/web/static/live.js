@@ -2,6 +2,7 @@
 // A frame is requested when the last one has been drawn, so that a slow page never builds up a queue.
 
 const HEARTBEAT_MS = 60;
+const UNSEEN_MS = 500;             // after this time without a picture a frame is taken in all the same
 const STOP_DEADLINE_MS = 300;      // after this time an unacknowledged stop is an alarm
 const KEPT_SAMPLES = 20_000;        // eleven minutes at 30 Hz, for the plot that is scrolled back
 const STALE_MS = 500;              // values older than this are drawn in grey
@@ -60,10 +61,15 @@ class Live {
     this.socket.onmessage = (event) => {
       const frame = JSON.parse(decoder.decode(event.data));
       this._merge(frame);
-      requestAnimationFrame((now) => {
+      const draw = (now) => {
+        cancelAnimationFrame(picture);
+        clearTimeout(unseen);
         this._draw(frame, now);
         this.send({ t: "next" });
-      });
+      };
+      const picture = requestAnimationFrame(draw);
+      // A page in the background is given no pictures: it too must learn of a stop on another page.
+      const unseen = setTimeout(() => draw(performance.now()), UNSEEN_MS);
     };
     this.socket.onclose = () => {
       document.body.classList.add("view-lost");
