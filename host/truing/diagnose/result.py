@@ -379,6 +379,7 @@ class RecordedSignal:
     late_s : delay of a recorded speed against its own positions or counts, s; NaN where neither is recorded.
     filter_s : time constant of a first-order filter that explains it instead, s; NaN likewise.
     resolution : smallest step of the signal, in `unit`; 0 where none is found.
+    instant : read at the rows' times, not averaged over them; for the text, since the JSON's keys are fixed.
     """
 
     updated_every_s: float
@@ -386,6 +387,7 @@ class RecordedSignal:
     filter_s: float
     resolution: float
     unit: str = "m/s"
+    instant: bool = False
 
     def to_json(self) -> dict[str, Any]:
         """As docs/DATA_FORMAT.md has it."""

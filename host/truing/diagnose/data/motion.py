@@ -84,16 +84,22 @@ def elapsed(joined: JoinedRuns) -> FloatArray:
 
 
 def initial_speeds(
-    t_s: FloatArray, effort: FloatArray, speed: FloatArray, starts: IntArray, baseline: Baseline
+    t_s: FloatArray,
+    effort: FloatArray,
+    speed: FloatArray,
+    starts: IntArray,
+    baseline: Baseline,
+    *,
+    instant: bool = False,
 ) -> FloatArray:
-    """Speed at the first row of every segment, shape (segments, 2), m/s."""
+    """Speed at the first row of every segment, shape (segments, 2), m/s; `instant`: as that row says."""
     initial = np.zeros((len(starts) - 1, 2))
     gains = np.array([baseline.left.gain_mps, baseline.right.gain_mps])
     for k, (a, b) in enumerate(pairwise(starts)):
         rows = speed[a : min(a + 3, b)]
         moving = np.abs(rows).min(axis=0) > AT_REST_SHARE * gains
         # Row 0 of a run repeats row 1 where speed is differenced: extrapolate from rows 1 and 2.
-        at_start = 1.5 * rows[1] - 0.5 * rows[2] if len(rows) > 2 else rows[0]
+        at_start = rows[0] if instant or len(rows) < 3 else 1.5 * rows[1] - 0.5 * rows[2]
         initial[k] = np.where(moving, at_start, 0.0)
         for wheel in np.flatnonzero(~moving):
             here = slice(a, b)

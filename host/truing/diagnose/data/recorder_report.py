@@ -36,6 +36,7 @@ def _signal(each: Renewal, data: SetData, wheel: int, filter_s: float) -> Record
         _late_s(data, wheel),
         filter_s,
         data.resolution_mps if data.source != "vel" else each.resolution,
+        instant=data.instant,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -85,6 +85,7 @@ class SetData:
     heading_rad : shape (n,), the best heading there is (zero at the start of a run unless true), or None.
     heading_source : "truth", "gyro", "odometry", "wheels", or "".
     commanded : wheel speeds are not used, and the pose is compared with what the efforts command.
+    instant : each row holds the speed at its time, not the mean over its interval.
     """
 
     names: tuple[str, ...]
@@ -119,6 +120,7 @@ class SetData:
     heading_source: str
     modes: tuple[tuple[str, ...] | None, ...] = field(default=())
     commanded: bool = False
+    instant: bool = False
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -335,6 +337,12 @@ def _rows_of_measurements(joined: JoinedRuns, repeated: Sequence[BoolArray] | No
         last = [np.maximum.accumulate(np.where(held[:, wheel], 0, row)) for wheel in (0, 1)]
         out.append(np.stack([np.bincount(at, until_next, len(run)) for at in last], axis=1) / usual_s)
     return joined.join(out)
+
+
+def read_at_rows(data: SetData) -> SetData:
+    """The set with speeds that were read at the rows' times, instead of averaged over their intervals."""
+    initial = initial_speeds(data.t_s, data.effort, data.speed_mps, data.starts, data.baseline, instant=True)
+    return replace(data, instant=True, initial_mps=initial)
 
 
 def _resolution(joined: JoinedRuns, baseline: Baseline, source: SpeedSource, travel: FloatArray) -> float:

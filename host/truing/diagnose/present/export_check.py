@@ -18,7 +18,7 @@ import numpy as np
 from truing.arrays import FloatArray
 from truing.diagnose.data.encoder_faults import find_encoder_fault, one_wheel
 from truing.diagnose.data.recorder import at_renewals, repeated_rows
-from truing.diagnose.data.set_data import set_data
+from truing.diagnose.data.set_data import read_at_rows, set_data
 from truing.diagnose.data.traces import RunTraces
 from truing.diagnose.inter_sample_input import with_inter_sample_input
 from truing.diagnose.present.corrected_model import CorrectedModel
@@ -54,7 +54,7 @@ def check_baseline(
     if not diagnosis.traces or diagnosis.fit.unit != "m/s":
         return []
     claimed = _claimed(diagnosis)
-    found = error_as_given(parse_baseline(text, path), recordings, wheel)
+    found = error_as_given(parse_baseline(text, path), recordings, wheel, instant=_instant(diagnosis))
     return [_verdict("toml", found, claimed, ())]
 
 
@@ -64,7 +64,8 @@ def check_format(kind: str, corrected: CorrectedModel, diagnosis: Diagnosis) -> 
         return []
     if not exporter(kind).HOLDS and kind not in SIMULATED:
         return []
-    found = error_of_model(held_model(kind, corrected.model), diagnosis.traces)
+    model = held_model(kind, corrected.model)
+    found = error_of_model(model, diagnosis.traces, instant=_instant(diagnosis))
     missing = [
         sentence.split(" is left out")[0] for sentence in left_out(corrected.model, exporter(kind).HOLDS)
     ]
@@ -87,8 +88,18 @@ def held_model(kind: str, model: RobotModel) -> RobotModel:
     return replace(reduced, left=left, right=right)
 
 
-def error_as_given(baseline: Baseline, recordings: RecordingSet, wheel: Wheel | None = None) -> float:
-    """Free-run error of a baseline on recordings as the diagnosis computes it, m/s."""
+def _instant(diagnosis: Diagnosis) -> bool:
+    """Whether the diagnosis took the recorded speeds as read at the rows' times."""
+    return any(signal.instant for signal in diagnosis.recorder.values())
+
+
+def error_as_given(
+    baseline: Baseline, recordings: RecordingSet, wheel: Wheel | None = None, *, instant: bool = False
+) -> float:
+    """Free-run error of a baseline on recordings as the diagnosis computes it, m/s.
+
+    `instant`: the speeds were read at the rows' times, not averaged over them.
+    """
     judged = replace(recordings, baseline=baseline)
     fault = find_encoder_fault(judged, baseline)
     wheel = wheel or (None if fault is None else fault.other)
@@ -97,24 +108,30 @@ def error_as_given(baseline: Baseline, recordings: RecordingSet, wheel: Wheel | 
     measured = at_renewals(judged)
     repeated = None if measured is judged else repeated_rows(judged, measured)
     data = with_inter_sample_input(with_selected_signal(set_data(measured, repeated=repeated)))
+    data = read_at_rows(data) if instant else data
     simulator = SetSimulator(data, data.baseline)
     speeds = simulator.speeds(simulator.start(), simulator.enabled(()))
     return weighted_rms(data.speed_mps - speeds, np.where(data.counted, data.stands_for, 0.0))
 
 
-def error_of_model(model: RobotModel, traces: Sequence[RunTraces]) -> float:
-    """Free-run error of both wheels' physics on diagnosed runs, m/s, from the speeds they start at."""
+def error_of_model(model: RobotModel, traces: Sequence[RunTraces], *, instant: bool = False) -> float:
+    """Free-run error of both wheels' physics on diagnosed runs, m/s, from the speeds they start at.
+
+    `instant`: the speeds were read at the rows' times, not averaged over them.
+    """
     errors, weights = [], []
     for trace in traces:
         for column, wheel in enumerate(WHEELS):
-            simulated = _simulated(model, wheel, trace, column)
+            simulated = _simulated(model, wheel, trace, column, instant=instant)
             errors.append(trace.measured[:, column] - simulated)
             weight = trace.valid if trace.weight is None else trace.weight
             weights.append(weight[:, column].astype(float))
     return weighted_rms(np.concatenate(errors), np.concatenate(weights))
 
 
-def _simulated(model: RobotModel, wheel: Wheel, trace: RunTraces, column: int) -> FloatArray:
+def _simulated(
+    model: RobotModel, wheel: Wheel, trace: RunTraces, column: int, *, instant: bool
+) -> FloatArray:
     """Speeds of one wheel in one run, shape (n,), m/s; behind a gap the simulation starts afresh."""
     t = trace.t_s
     interval = float(np.median(np.diff(t)))
@@ -123,6 +140,7 @@ def _simulated(model: RobotModel, wheel: Wheel, trace: RunTraces, column: int) -
     bounds = np.array([pieces[0][0], *(b for _, b in pieces)], dtype=np.int64)
     effort = np.ascontiguousarray(trace.effort[:, column])
     driven = excitation(t, effort, np.zeros(len(t)), bounds, np.full(len(pieces), interval))
+    driven = replace(driven, mean_over_interval=not instant)
     initial = trace.model[bounds[:-1], column]
     return simulate_physics(model.wheel(wheel).to_vector(), driven, initial).speed_mps
 

@@ -298,6 +298,8 @@ def recorder_lines(diagnosis: Diagnosis) -> list[str]:
     lines = []
     for name, signal in diagnosis.recorder.items():
         parts = [f"measured every {1e3 * signal.updated_every_s:.3g} ms"]
+        if signal.instant:
+            parts.append("read at the rows' times, not averaged over them")
         if math.isfinite(signal.late_s) and signal.late_s > 0.0:
             parts.append(f"{1e3 * signal.late_s:.0f} ms later than its own positions")
         if math.isfinite(signal.filter_s) and signal.filter_s > 0.0:

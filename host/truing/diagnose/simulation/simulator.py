@@ -365,6 +365,7 @@ class SetSimulator:
             radius=float(data.wheel_radius_m or 1.0),
             top=top_mps,
             wheelbase=float(self.baseline.wheelbase_m or math.inf),
+            instant=data.instant,
         )
         self._measured = np.zeros((len(data), 2))
         self._measured[1:] = np.diff(data.travel_m, axis=0)

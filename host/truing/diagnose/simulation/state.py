@@ -110,6 +110,7 @@ class Inputs(NamedTuple):
     radius : m, or 1 where it is not known.
     top : shape (2,), m/s, the baseline's full-effort speeds.
     wheelbase : m, infinite where it is not known.
+    instant : the recorder reads a speed at the row's time, not its mean over the row.
     """
 
     start: IntArray
@@ -128,6 +129,7 @@ class Inputs(NamedTuple):
     radius: float
     top: FloatArray
     wheelbase: float
+    instant: bool
 
 
 class Scratch(NamedTuple):

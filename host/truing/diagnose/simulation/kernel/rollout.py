@@ -225,6 +225,8 @@ def _finish_row(robot: Robot, inputs: Inputs, scratch: Scratch, row: int) -> Non
         scratch.lost[row, w] = 0.0
         if active & (stage.USES_GAP | stage.USES_GRIP):
             scratch.lost[row, w] = increment - (wheel.ground - wheel.ground_before)
+        if inputs.instant:
+            increment = wheel.speed * dt
         if active & stage.USES_MEASURE:
             increment = stage.measure(
                 robot.p, active, w, increment, dt, inputs.angles[row, w], inputs.angles[row - 1, w],
