@@ -35,6 +35,7 @@ def healthy_experiment(seed: int, noise: float | None) -> tuple[Experiment, np.n
             layout.row,
             machine.time_constant[w],
             layout.dt_s,
+            False,
         )
         for w in (0, 1)
     ]

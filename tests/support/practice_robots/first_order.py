@@ -16,9 +16,17 @@ Array: TypeAlias = NDArray[np.float64]
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def unit_speed(
-    effort: NDArray[np.float64], start: NDArray[np.bool_], row: NDArray[np.bool_], tau: float, dt: float
+    effort: NDArray[np.float64],
+    start: NDArray[np.bool_],
+    row: NDArray[np.bool_],
+    tau: float,
+    dt: float,
+    instant: bool,
 ) -> NDArray[np.float64]:
-    """Mean speed per row of a first-order wheel of gain 1 under efforts per ms, at rest when a run starts."""
+    """Mean speed per row of a first-order wheel of gain 1 under efforts per ms, at rest when a run starts.
+
+    `instant`: the speed at each row's time instead.
+    """
     out = np.empty(int(row.sum()))
     keep = np.exp(-1e-3 / tau)
     v = 0.0
@@ -32,19 +40,26 @@ def unit_speed(
         travel += u * 1e-3 + (v - u) * tau * (1.0 - keep)
         v = u + (v - u) * keep
         if row[ms]:
-            out[at] = travel / dt
+            out[at] = v if instant else travel / dt
             travel = 0.0
             at += 1
     return out
 
 
 def best_gain(
-    layout: Layout, tau: float, speed: Array, wheels: tuple[int, ...]
+    layout: Layout, tau: float, speed: Array, wheels: tuple[int, ...], *, instant: bool
 ) -> tuple[float, float, Array]:
     """Gain, sum of squares and prediction (rows, wheels) at one time constant common to `wheels`."""
     shape = np.stack(
         [
-            unit_speed(np.ascontiguousarray(layout.effort[:, w]), layout.start, layout.row, tau, layout.dt_s)
+            unit_speed(
+                np.ascontiguousarray(layout.effort[:, w]),
+                layout.start,
+                layout.row,
+                tau,
+                layout.dt_s,
+                instant,
+            )
             for w in wheels
         ],
         axis=1,
@@ -73,21 +88,30 @@ def _golden(cost: Callable[[float], float], low: float, high: float, tolerance: 
 
 
 def refit(
-    layout: Layout, speed: Array, near_s: Array, *, sides_equal: bool = False, tolerance: float = 4e-3
+    layout: Layout,
+    speed: Array,
+    near_s: Array,
+    *,
+    sides_equal: bool = False,
+    instant: bool = False,
+    tolerance: float = 4e-3,
 ) -> Array:
     """Prediction (rows, 2) of the first-order baseline with its best gains and time constants.
 
-    `near_s` (2,) are the time constants around which (a factor of 5 either way) is searched.
+    `near_s` (2,) are the time constants around which (a factor of 5 either way) is searched; `instant`: the
+    speeds are those at the rows' times.
     """
     groups: tuple[tuple[int, ...], ...] = ((0, 1),) if sides_equal else ((0,), (1,))
     out = np.empty_like(speed)
     for wheels in groups:
         centre = float(np.log(near_s[list(wheels)].mean()))
         log_tau = _golden(
-            lambda x, wheels=wheels: best_gain(layout, float(np.exp(x)), speed, wheels)[1],  # type: ignore[misc]
+            lambda x, wheels=wheels: best_gain(  # type: ignore[misc]
+                layout, float(np.exp(x)), speed, wheels, instant=instant
+            )[1],
             centre - 1.6,
             centre + 1.6,
             tolerance,
         )
-        out[:, list(wheels)] = best_gain(layout, float(np.exp(log_tau)), speed, wheels)[2]
+        out[:, list(wheels)] = best_gain(layout, float(np.exp(log_tau)), speed, wheels, instant=instant)[2]
     return out

@@ -61,9 +61,15 @@ class Experiment:
         return _rms(noisy.speed - clean.speed)
 
     def wheel_effect(self, physics: Physics) -> float:
-        """RMS that the refitted baseline leaves of the noise-free speeds, m/s."""
+        """RMS that the refitted baseline leaves of the noise-free speeds, m/s.
+
+        A filter is read at the rows' times. What that changes is no part of the filter's strength.
+        """
         speed = self.clean(physics).speed
-        left = speed - refit(self.layout, speed, self.time_constant, sides_equal=self.sides_equal)
+        instant = physics.speed_filter_s > 0.0
+        left = speed - refit(
+            self.layout, speed, self.time_constant, sides_equal=self.sides_equal, instant=instant
+        )
         return _rms(left)
 
     def pose_effect(self, physics: Physics) -> Array:
