@@ -12,14 +12,14 @@ export default {
     // keyup is no key press: the one that pressed the button is released after the beginning.
     for (const kind of ["keydown", "pointerdown"]) window.addEventListener(kind, this.stopping, true);
     window.addEventListener("blur", this.stopping);
-    live.views.add(this.watch);
+    live.watchers.add(this.watch);
     this.$refs.button.focus();
   },
   unmounted() {
     this.cancel("");
     for (const kind of ["keydown", "pointerdown"]) window.removeEventListener(kind, this.stopping, true);
     window.removeEventListener("blur", this.stopping);
-    live.views.delete(this.watch);
+    live.watchers.delete(this.watch);
   },
   methods: {
     begin() {

@@ -13,7 +13,8 @@ const KEYS = {
 
 class Live {
   constructor() {
-    this.views = new Set();          // functions called with each frame
+    this.views = new Set();          // functions called with each frame that is drawn
+    this.watchers = new Set();       // functions called with each frame as it comes, for what cannot wait for a picture
     this.keyTargets = new Set();     // {keys(held), faster(up), stop()}: receivers of the driving keys; the last one is active
     this.state = {};                 // rarely changing state, merged from all frames
     this.samples = [];               // newest last
@@ -61,6 +62,7 @@ class Live {
     this.socket.onmessage = (event) => {
       const frame = JSON.parse(decoder.decode(event.data));
       this._merge(frame);
+      for (const watch of this.watchers) watch(frame);
       const draw = (now) => {
         cancelAnimationFrame(picture);
         clearTimeout(unseen);
