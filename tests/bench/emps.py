@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy.io import loadmat
 
 from bench.figure import Figure
-from truing.identify.levenberg import minimise
+from truing.levenberg import minimise
 from truing.model import kernel
 
 Array = NDArray[np.float64]

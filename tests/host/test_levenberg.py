@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from truing.arrays import FloatArray
-from truing.identify.levenberg import Minimum, minimise
+from truing.levenberg import Minimum, minimise
 
 TIME_S = np.linspace(0.0, 2.0, 40)
 TRUE = np.array([1.3, 0.4, 0.2])

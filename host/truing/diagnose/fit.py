@@ -8,7 +8,7 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.diagnose.problem import Column, Problem, Residual
-from truing.identify.levenberg import minimise
+from truing.levenberg import minimise
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ from truing.diagnose.problem import Column, base_columns, effect_columns, moves_
 from truing.diagnose.profiles import Limits, Profile, Robot, candidate_plans
 from truing.diagnose.result import Explanation, NextExperiment, SignalNoise
 from truing.diagnose.simulation.simulator import SetSimulator
-from truing.identify.levenberg import minimise
+from truing.levenberg import minimise
 from truing.plan import Plan
 from truing.recording.run import GYRO_COLUMN, MOTION_PAIRS, TRUTH_COLUMNS, WHEELS, RecordingSet, Run
 

@@ -28,13 +28,13 @@ from truing.model.robot_model import RobotModel
 from truing.recording.run import WHEELS
 
 from . import exporter
-from .in_mujoco import driven
+from .in_mujoco import driven, stepped
 from .joint import joints
 from .mjcf import IMPEDANCE, SOLREF_STEPS
 from .mjcf import timestep as mujoco_step
 from .own_joints import SdfFile
 from .own_mjcf import drives, load
-from .recorded import Simulate, Task, on_grid, spans, travelled
+from .recorded import Simulate, Task, on_grid, travelled
 from .terms import ExportOptions
 from .xml_file import number
 
@@ -176,21 +176,10 @@ def _by_torque(compiled: Any, model: RobotModel, torques: list[float], radius_m:
     compiled.dof_solref[:] = SOLREF_STEPS * step_s, 1.0
     compiled.dof_solimp[:] = IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2.0
 
-    def simulate(task: Task) -> FloatArray:
-        data = mujoco.MjData(compiled)
-        travel, done = np.zeros((2, task.t_s.size)), 0
-        for begin, end in spans(task):
-            data.qfrc_applied[:] = np.array(torques) * task.effort(begin)
-            steps = round(end / step_s)
-            if steps > done:
-                mujoco.mj_step(compiled, data, steps - done)
-                done = steps
-            row = int(np.searchsorted(task.t_s, end))
-            if task.t_s[row] == end:
-                travel[:, row] = radius_m * data.qpos
-        return travel
+    def act(data: Any, efforts: tuple[float, float]) -> None:
+        data.qfrc_applied[:] = np.array(torques) * efforts
 
-    return simulate
+    return stepped(compiled, act, lambda data: np.asarray(radius_m * data.qpos))
 
 
 CONSUMERS = {
@@ -205,7 +194,7 @@ CONSUMERS = {
 
 def own(model: RobotModel) -> Simulate:
     """The tool's own simulation of a model, in the place of a program's."""
-    from truing.model.excitation import Excitation, excitation
+    from truing.model.excitation import excitation
     from truing.model.wheel import simulate_physics
 
     def simulate(task: Task) -> FloatArray:
@@ -217,15 +206,7 @@ def own(model: RobotModel) -> Simulate:
             at_rows = excitation(
                 grid, np.ascontiguousarray(effort), np.zeros(grid.size), bounds, interval, grid.size
             )
-            now = Excitation(
-                at_rows.t_s,
-                at_rows.effort,
-                at_rows.supply,
-                at_rows.starts,
-                at_rows.interval_s,
-                at_rows.pieces,
-                mean_over_interval=False,
-            )
+            now = replace(at_rows, mean_over_interval=False)
             physics = replace(model.wheel(wheel), recorder_lag_s=0.0, recorder_window_s=0.0)
             speeds.append(simulate_physics(physics.to_vector(), now, np.zeros(1)).speed_mps)
         return travelled(task, grid, np.array(speeds))

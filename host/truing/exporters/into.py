@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from truing.recording.writer import replace_file
 from .in_mujoco import driven
 from .mjcf import HOLDS as MJCF_HOLDS
 from .own_joints import HOLDS as JOINTS_HOLD
-from .own_joints import JointFile, SdfFile, UrdfFile
+from .own_joints import SdfFile, UrdfFile
 from .own_mjcf import drives, load
 from .own_mjcf import read as read_mjcf
 from .own_mjcf import write as write_mjcf
@@ -97,6 +97,65 @@ class PatchedFile:
         return self.path, backup
 
 
+@dataclass(frozen=True, slots=True)
+class OwnFile:
+    """A user's file as it was read, for any number of models.
+
+    Attributes
+    ----------
+    kind : `MJCF`, `URDF` or `SDF`.
+    holds : what of a model the format holds.
+    apply : a patch to the file's bytes with it.
+    """
+
+    path: Path
+    kind: str
+    own: OwnRobot
+    content: bytes
+    holds: frozenset[str]
+    apply: Callable[[Patch], bytes]
+
+    def with_model(self, model: RobotModel, keep: str | None = None) -> PatchedFile:
+        """The file with a model in it; `keep` as in `patched`."""
+        patch = patch_for(model, self.own, keep)
+        said = (*patch.lines(self.own), *left_out(model, self.holds))
+        joints = (self.own.left.joint, self.own.right.joint)
+        after = self.apply(patch)
+        return PatchedFile(self.path, self.kind, model, joints, self.own, patch, self.content, after, said)
+
+
+def own_file(path: Path, radius_m: float, joints: tuple[str, str] | None = None) -> OwnFile:
+    """Read a user's file.
+
+    Parameters
+    ----------
+    joints : of the wheels, left first; None: they are found.
+
+    Raises
+    ------
+    FileError : it is no robot of a known format, or its wheels are not found.
+    """
+    edit = XmlEdit(path)
+    kind = _ROOTS.get(edit.root.tag)
+    if kind == MJCF:
+        compiled = load(path)
+        pair = drives(compiled, path, joints)
+        own = read_mjcf(path, compiled, pair, radius_m)
+        return OwnFile(
+            path, MJCF, own, edit.source, MJCF_HOLDS, lambda patch: write_mjcf(path, compiled, pair, patch)
+        )
+    if kind in (URDF, SDF):
+        joint_file = UrdfFile if kind == URDF else SdfFile
+        file = joint_file(path)
+        names = file.pair(joints)
+        own = file.robot(names, radius_m)
+        # Edits are kept with the file that they are for: every patch has its own.
+        return OwnFile(
+            path, kind, own, edit.source, JOINTS_HOLD, lambda patch: joint_file(path).patched(names, patch)
+        )
+    raise FileError(path, f"begins with <{edit.root.tag}>: it is no MJCF, URDF or SDF")
+
+
 def patched(
     path: Path,
     model: RobotModel,
@@ -112,25 +171,4 @@ def patched(
     keep : what is right in the file, `masses` or `motors`; None: what changes it less.
     joints : of the wheels, left first; None: they are found.
     """
-    radius = options.radius(model)
-    edit = XmlEdit(path)
-    kind = _ROOTS.get(edit.root.tag)
-    if kind == MJCF:
-        compiled = load(path)
-        pair = drives(compiled, path, joints)
-        own = read_mjcf(path, compiled, pair, radius)
-        patch = patch_for(model, own, keep)
-        after = write_mjcf(path, compiled, pair, patch)
-        holds = MJCF_HOLDS
-    elif kind in (URDF, SDF):
-        file: JointFile = UrdfFile(path) if kind == URDF else SdfFile(path)
-        names = file.pair(joints)
-        own = file.robot(names, radius)
-        patch = patch_for(model, own, keep)
-        after = file.patched(names, patch)
-        holds = JOINTS_HOLD
-    else:
-        raise FileError(path, f"begins with <{edit.root.tag}>: it is no MJCF, URDF or SDF")
-    said = (*patch.lines(own), *left_out(model, holds))
-    found = (own.left.joint, own.right.joint)
-    return PatchedFile(path, str(kind), model, found, own, patch, edit.source, after, said)
+    return own_file(path, options.radius(model), joints).with_model(model, keep)

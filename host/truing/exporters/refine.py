@@ -3,13 +3,12 @@
 A model of single wheels knows nothing of bodies and contacts. On runs with turns it takes the scrub and the
 coupling that the user's simulation has already for friction, lag and gain. Here the user's file is simulated
 with the model in it, and gains, frictions, the time constants' common factor and the delays' common shift are
-moved to the least squares of the speeds: damped Gauss-Newton (Levenberg; Marquardt 1963, "An algorithm for
-least-squares estimation of nonlinear parameters"), with derivatives from one more simulation for each number.
+moved to the least squares of the speeds, with derivatives from one more simulation for each number.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,25 +16,22 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.errors import TruingError
+from truing.levenberg import minimise
 from truing.model.robot_model import RobotModel
 from truing.progress import Progress
 
-from .into import MJCF, patched
+from .into import MJCF, own_file
 from .own_robot import KEEP_MASSES, KEEPS
 from .recorded import Task, residuals
 from .terms import DEFAULTS, ExportOptions, wheels
 
 # Log gain and friction (effort) left and right, log factor of the time constants, shift of the delays (s).
 STEPS = np.array([0.02, 0.02, 0.005, 0.005, 0.03, 0.004])
-MOST_ITERATIONS = 8
+MAX_ITERATIONS = 8
 # Of so many runs one, the last, judges and is not fitted to.
 ONE_LEFT_OUT_OF = 3
-# A step that lowers the error by less than this share is the last.
-ENOUGH = 0.003
-FIRST_DAMPING, HARDER, EASIER = 1e-3, 10.0, 0.1
-MOST_DAMPING = 1e3
-
-Errors = Callable[[FloatArray], FloatArray]
+# Steps that lower the squared error by less than this share, twice in a row, end the fit.
+ENOUGH = 0.006
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,48 +75,48 @@ def refine(
     ----------
     keep : see `own_robot`; None: what fits better at the start.
     """
+    file = own_file(path, options.radius(model), joints)
+    if file.kind != MJCF:
+        raise TruingError(f"{path}: nothing that is installed here drives it", "Leave --refine away")
 
     def errors(numbers: FloatArray, kept: str) -> FloatArray:
         moved = _moved(model, numbers)
-        made = patched(path, moved, options, keep=kept, joints=joints)
-        if made.kind != MJCF:
-            raise TruingError(f"{path}: nothing that is installed here drives it", "Leave --refine away")
+        made = file.with_model(moved, kept)
         return residuals(all_tasks, made.simulation(made.after), moved)
 
+    unmoved = np.zeros(STEPS.size)
     starts = {}
     # Masses can always be kept; motors only where the chassis then has a mass.
     for kept in (keep,) if keep is not None else KEEPS:
         try:
-            starts[kept] = errors(np.zeros(STEPS.size), kept)
+            starts[kept] = errors(unmoved, kept)
         except TruingError:
             if kept in (keep, KEEP_MASSES):
                 raise
     kept = min(starts, key=lambda one: float(starts[one] @ starts[one]))
-    here, numbers, damping = starts[kept], np.zeros(STEPS.size), FIRST_DAMPING
-    first = _rms(here)
-    for iteration in range(MOST_ITERATIONS):
-        slopes = np.array([(errors(numbers + step, kept) - here) / step.sum() for step in np.diag(STEPS)]).T
-        before = _rms(here)
-        numbers, here, damping = _stepped(lambda x: errors(x, kept), numbers, here, slopes, damping)
+    iteration = 0
+
+    def slopes(numbers: FloatArray, here: FloatArray) -> FloatArray:
+        nonlocal iteration
+        iteration += 1
+        moved = [(errors(numbers + step, kept) - here) / step.sum() for step in np.diag(STEPS)]
         if progress is not None:
-            progress((iteration + 1) / MOST_ITERATIONS)
-        if _rms(here) > (1.0 - ENOUGH) * before:
-            break
-    return Refined(_moved(model, numbers), kept, first, _rms(here))
+            progress(iteration / MAX_ITERATIONS)
+        return np.stack(moved, axis=1)
 
-
-def _stepped(
-    errors: Errors, numbers: FloatArray, here: FloatArray, slopes: FloatArray, damping: float
-) -> tuple[FloatArray, FloatArray, float]:
-    """One step that lowers the error, or none: numbers, residuals and the damping for the next."""
-    normal, gradient = slopes.T @ slopes, slopes.T @ here
-    while damping <= MOST_DAMPING:
-        change = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), -gradient)
-        there = errors(numbers + change)
-        if there @ there < here @ here:
-            return numbers + change, there, damping * EASIER
-        damping *= HARDER
-    return numbers, here, damping
+    wide = np.full(STEPS.size, np.inf)
+    end = minimise(
+        lambda numbers: errors(numbers, kept),
+        slopes,
+        unmoved,
+        -wide,
+        wide,
+        iterations=MAX_ITERATIONS,
+        tolerance=ENOUGH,
+    )
+    if progress is not None:
+        progress(1.0)
+    return Refined(_moved(model, end.theta), kept, _rms(starts[kept]), _rms(end.residual))
 
 
 def _moved(model: RobotModel, numbers: FloatArray) -> RobotModel:

@@ -9,9 +9,9 @@ import numpy as np
 
 from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.errors import IdentifyError
-from truing.identify.levenberg import Minimum, minimise
 from truing.identify.signals import WheelSignal, thinned
 from truing.identify.structures import FREEDOMS, Structure
+from truing.levenberg import Minimum, minimise
 from truing.model.wheel import PHYSICS_FIELDS, WheelPhysics, simulate_physics
 
 _POSITION = {name: position for position, name in enumerate(PHYSICS_FIELDS)}

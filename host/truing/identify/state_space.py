@@ -21,9 +21,9 @@ from truing.arrays import FloatArray
 from truing.errors import IdentifyError
 from truing.identify.even import EvenStretch, even_signal
 from truing.identify.held_out import folds, rms_by_run, simplest_good
-from truing.identify.levenberg import minimise
 from truing.identify.model_error import FreeRunError, OneStepError, free_run_error, one_step_error
 from truing.identify.signals import WheelSignal, wheel_signal
+from truing.levenberg import minimise
 from truing.model.linear import StateSpaceModel
 from truing.recording.run import Geometry, Run, Wheel
 

@@ -32,7 +32,7 @@ from typing import Any
 import numpy as np
 
 from truing.arrays import BoolArray, FloatArray
-from truing.identify.levenberg import minimise
+from truing.levenberg import minimise
 from truing.studies.bakirci_tests import PAPER_TESTS
 
 REFERENCE_MPS = 0.2

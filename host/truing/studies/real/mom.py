@@ -20,7 +20,7 @@ import numpy as np
 from truing.arrays import FloatArray
 from truing.diagnose.data.set_data import set_data
 from truing.diagnose.simulation.simulator import SetSimulator
-from truing.identify.levenberg import minimise
+from truing.levenberg import minimise
 from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
 from truing.recording.run import ODOMETRY_COLUMNS, RecordingSet, Run
 from truing.studies.mom_odometry import DESIRED, PAPER_MODEL, REAL, START, Pose, advance, replay

@@ -20,7 +20,7 @@ from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect
 from truing.diagnose.problem import effect_columns, is_identifiable
 from truing.diagnose.simulation.simulator import SetSimulator
-from truing.identify.levenberg import minimise
+from truing.levenberg import minimise
 from truing.studies.real.signals import Signals
 
 # Errors closer together than this are drawn together by the bootstrap: they are no independent samples.
