@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -227,6 +227,11 @@ class Device:
             ) from None
         except (OverflowError, ValueError) as error:
             raise TruingError(f"{name}: {value:g} does not fit a single-precision number") from error
+
+    def set_parameters(self, values: Mapping[str, float]) -> None:
+        """Change some parameters, one after the other."""
+        for name, value in values.items():
+            self.set_parameter(name, value)
 
     def parameter_store(self) -> ParameterStore:
         """How the store is that outlives power."""

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 # looks after a running plan at least four times as often.
 SERVED_HZ = 100
 # How long one of the board's answers is waited for, s, and how many of them at a time.
-ANSWER_S, MOST_ANSWERS = 0.005, 20
+ANSWER_S, MAX_ANSWERS = 0.005, 20
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def _served(
 
     def beside() -> None:
         # An answer holds a few samples: listen until the board has no more of them.
-        for _ in range(MOST_ANSWERS):
+        for _ in range(MAX_ANSWERS):
             samples = stream.read(ANSWER_S)
             if not samples:
                 break

@@ -84,8 +84,8 @@ def _refined(
     app.say(f"fitted to {runs} through {wish.path}: {_mm(found.before_mps)} -> {_mm(found.after_mps)}")
     for line in found.lines():
         app.say(f"  {line}")
-    told = {"runs": len(fitted), "before_mps": found.before_mps, "after_mps": found.after_mps}
-    return found.model, found.keep, judges or fitted, told | {"model": found.model.to_toml()}
+    refined = {"runs": len(fitted), "before_mps": found.before_mps, "after_mps": found.after_mps}
+    return found.model, found.keep, judges or fitted, refined | {"model": found.model.to_toml()}
 
 
 def _checked(app: App, made: PatchedFile, wish: Wish, judges: list[Task]) -> dict[str, Any]:

@@ -162,9 +162,10 @@ def load(app: App, file: Path | None) -> None:
         before = device.parameters()
         if wanted is None:
             device.load_parameters()
-        for name, value in (wanted or {}).items():
-            if not same_on_the_board(before[name].value, value):
-                device.set_parameter(name, value)
+        changes = (wanted or {}).items()
+        device.set_parameters(
+            {name: value for name, value in changes if not same_on_the_board(before[name].value, value)}
+        )
         after = device.parameters()
         store = device.parameter_store()
     _show_changes(app, before, after)

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from truing.cli.app import App
 from truing.cli.options import board_options
-
-if TYPE_CHECKING:
-    from truing.board.device import Device
 
 
 @click.command()
@@ -50,17 +46,17 @@ def command(app: App, folder: Path | None, save: bool, yes: bool) -> None:
         first = drive_on(app, device, parameters, proof_plan(), folder, "tune_before")
         before = tracking(first.run, values)
         learned = learn(drive_on(app, device, parameters, learning_plan(), folder, "tune_learning").run)
-        for name, value in learned.items():
-            device.set_parameter(name, value)
+        old = {name: values[name] for name in learned}
+        device.set_parameters(learned)
         try:
             again = drive_on(app, device, device.parameters(), proof_plan(), folder, "tune_after")
             after = tracking(again.run, values)
         except BaseException:
-            _restore(device, values, learned)
+            device.set_parameters(old)
             raise
         better = after.both_mps < before.both_mps
         if not better:
-            _restore(device, values, learned)
+            device.set_parameters(old)
         elif save:
             device.save_parameters()
 
@@ -91,8 +87,3 @@ def command(app: App, folder: Path | None, save: bool, yes: bool) -> None:
         app.say("saved: the board keeps them")
     else:
         app.say("the board holds them until it is switched off\n  next: truing params save")
-
-
-def _restore(device: Device, values: dict[str, float], names: dict[str, float]) -> None:
-    for name in names:
-        device.set_parameter(name, values[name])

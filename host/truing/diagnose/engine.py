@@ -248,7 +248,7 @@ def _with_instant_speeds(stage: _Stage) -> _Stage:
 
 
 def _plain_error(stage: _Stage) -> float:
-    """Free-run error of the refitted baseline with dry friction, without which no wheel answers late, m/s."""
+    """Free-run error of the refitted baseline with dry friction, which else hides half a row, m/s."""
     base, problem = stage.base, stage.problem
     best = problem.free_run_rmse(base.residual.speeds)
     if DRY_FRICTION in problem.base_effects:

@@ -77,7 +77,7 @@ def _task(run: Run, recordings: RecordingSet) -> Task:
     t = run.t_s - run.t_s[0]
     jumps = np.flatnonzero(np.diff(t) > GAP_FACTOR * run.interval_s)
     rows = int(jumps[0]) + 1 if jumps.size else len(t)
-    # Rows of the same time cannot be told apart by a simulator.
+    # A simulator has one state at a time: of rows of the same time the last one stands.
     kept = np.flatnonzero(np.diff(t[:rows], append=np.inf) > 0.0)
     speeds = np.array([run.speed(wheel, recordings.robot).values[kept] for wheel in WHEELS])
     pieces = []

@@ -106,7 +106,7 @@ class WheelSignal:
 # Rows closer together are more than a search needs, s; no wheel answers faster.
 SEARCH_SPACING_S = 0.008
 # So many rows must become one before it is worth it.
-LEAST_TOGETHER = 3
+MIN_TOGETHER = 3
 
 
 def thinned(signal: WheelSignal) -> WheelSignal | None:
@@ -117,7 +117,7 @@ def thinned(signal: WheelSignal) -> WheelSignal | None:
     """
     whole = signal.excitation
     count = int(SEARCH_SPACING_S / float(np.median(whole.interval_s)) + 0.01)
-    if count < LEAST_TOGETHER:
+    if count < MIN_TOGETHER:
         return None
     keep: list[IntArray] = []
     starts = [0]

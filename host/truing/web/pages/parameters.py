@@ -189,6 +189,14 @@ class _ParametersPage:
         found = read_parameter_file(self.other.value)
         return {name: value for name, value in found.items() if name in self.found}
 
+    def _differing(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Those of the values that are not in force."""
+        return {
+            name: value
+            for name, value in values.items()
+            if not same_on_the_board(self.found[name].value, value)
+        }
+
     def compare(self, other: str) -> None:
         """Show which values differ from the stored ones, the defaults, or a file's."""
         self.address.write({"with": other})
@@ -199,8 +207,7 @@ class _ParametersPage:
             values = {}
         rows = [
             [name, self.found[name].text, format_f32(value), self.found[name].info.unit]
-            for name, value in values.items()
-            if not same_on_the_board(self.found[name].value, value)
+            for name, value in self._differing(values).items()
         ]
         self.differences.clear()
         if rows:
@@ -228,14 +235,5 @@ class _ParametersPage:
 
     def load_file(self) -> None:
         """Put the values of the file into force; all are checked before the first is changed."""
-        values = {
-            name: value
-            for name, value in self._other_values().items()
-            if not same_on_the_board(self.found[name].value, value)
-        }
-
-        def put(device: Device) -> None:
-            for name, value in values.items():
-                device.set_parameter(name, value)
-
-        self.gate.run("change the parameters", partial(self.do, put))
+        values = self._differing(self._other_values())
+        self.gate.run("change the parameters", partial(self.do, lambda device: device.set_parameters(values)))

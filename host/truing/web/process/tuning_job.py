@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from truing.board.device import Device
 from truing.errors import TruingError
 from truing.plan import Plan, parse_plan
 from truing.web.process.helper import HelperProcess
@@ -111,9 +110,5 @@ class TuningJob:
         return float(found["both_mps"])
 
     async def _set(self, values: Mapping[str, float]) -> None:
-        def put(device: Device) -> None:
-            for name, value in values.items():
-                device.set_parameter(name, value)
-
-        await asyncio.wrap_future(self._worker.call(put))
+        await asyncio.wrap_future(self._worker.call(lambda device: device.set_parameters(values)))
         await asyncio.wrap_future(self._worker.read_parameters())
