@@ -16,7 +16,9 @@ from truing.diagnose.diagnosis_input import Options
 from truing.diagnose.engine import diagnose
 from truing.recording.axis import Axis
 from truing.recording.reader import read_recording_set
+from truing.studies.real.drivetrains import read_drivetrain
 from truing.studies.real.mrclam import FULL_SPEED_MPS
+from truing.studies.real.row_set import judged_rows
 
 pytestmark = pytest.mark.recordings
 
@@ -75,3 +77,16 @@ def test_mrclams_delay_and_scale_come_out_of_the_imported_files(recordings: Path
     assert 0.05 < delay.ci95[0] < delay.ci95[1] < 0.2
     gains = [entry.with_effects.value for entry in done.numbers if entry.name == "gain_mps"]
     assert all(0.93 < gain / FULL_SPEED_MPS < 0.97 for gain in gains)
+
+
+def test_romis_noisy_speeds_are_as_good_as_plain_least_squares(recordings: Path, tmp_path: Path) -> None:
+    """Its noise is as large as its errors: positions beside the speeds are evidence of their filter."""
+    files_of(recordings, "romi")
+    assert run(*PUBLIC_SETS["romi"].arguments(recordings, tmp_path / "set"), "--yes").exit_code == 0
+    read = read_drivetrain(tmp_path / "set")
+    done = diagnose(read, Options(jobs=1))
+    assert {"speed_filter", "driver_deadband"} <= {effect.name for effect in done.effects}
+    top = judged_rows(read, done).top_mps
+    # The best rung of the ladder (a delay and a filter): 5.75 % fitted, 5.91 % on runs left out.
+    assert done.fit.model_rmse / top < 1.05 * 0.0575
+    assert done.fit.heldout_model_rmse / top < 1.05 * 0.0591

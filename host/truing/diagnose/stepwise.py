@@ -17,7 +17,13 @@ from truing.diagnose.noise_updates import under_noise_of
 from truing.diagnose.problem import Problem
 from truing.diagnose.search import Search, effect_set
 from truing.diagnose.unseen_runs import NEGLIGIBLE, SIMILAR_BENEFIT, UnseenRuns
-from truing.diagnose.verdict import MIN_DIFFERENCE, SUSPECT_OF_FLOOR, is_incomplete, leaves_something
+from truing.diagnose.verdict import (
+    MIN_DIFFERENCE,
+    SUSPECT_OF_FLOOR,
+    has_more_direct_evidence,
+    is_incomplete,
+    leaves_something,
+)
 
 # Effects in one model, candidates that are fitted in one step, and of these tried on runs left out, at most.
 MAX_EFFECTS, MAX_CANDIDATES, MAX_TRIED = 6, 4, 3
@@ -86,7 +92,10 @@ def is_worth_it(search: Search, unseen: UnseenRuns, one: Fit, other: Fit) -> boo
         return False
     more = search.compare(one, other)
     exceeds_noise = search.problem.exceeds_noise(other.residual.speeds)
-    if more.robust_gain > SIGNIFICANT_GAIN and (exceeds_noise or more.times_noise > MIN_DIFFERENCE):
+    matters = (
+        exceeds_noise or more.times_noise > MIN_DIFFERENCE or has_more_direct_evidence(search, one, other)
+    )
+    if more.robust_gain > SIGNIFICANT_GAIN and matters:
         benefit = unseen.benefit(one, other)
         # Beside a slow disturbance an effect may imitate it, in part.
         return benefit > MIN_BENEFIT or (

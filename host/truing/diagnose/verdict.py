@@ -144,14 +144,14 @@ def leaves_something(search: Search, best: Fit, times_floor: float = EXCESS_OF_F
 def is_incomplete(search: Search, best: Fit) -> bool:
     """Whether another effect should be looked for beside those of `best`.
 
-    Where two effects explain little, a third is a guess at physics that the catalogue lacks.
+    Where two effects explain little, a third is a guess at physics that the catalogue lacks. Of an error that
+    is all within the noise no share can be said.
     """
-    explained = share_explained(search.problem, best, search.fits[()])
-    if len(best.effects) > 1 and explained < MIN_EXPLAINED_BY_TWO:
+    problem, base = search.problem, search.fits[()]
+    has_share = len(best.effects) > 1 and problem.exceeds_noise(base.residual.speeds)
+    if has_share and share_explained(problem, best, base) < MIN_EXPLAINED_BY_TWO:
         return False
-    return search.problem.exceeds_noise(best.residual.speeds) or leaves_something(
-        search, best, SUSPECT_OF_FLOOR
-    )
+    return problem.exceeds_noise(best.residual.speeds) or leaves_something(search, best, SUSPECT_OF_FLOOR)
 
 
 def _leaves_something(search: Search, best: Fit, remaining: Structure, times_floor: float) -> bool:
@@ -203,12 +203,10 @@ def is_named(search: Search, one: Fit, other: Fit) -> bool:
     """Whether `one` is significantly better, and by a relevant size or with direct evidence."""
     more = search.compare(one, other)
     significant = more.robust_gain > SIGNIFICANT_GAIN or more.gain > LARGE_GAIN
-    return significant and (
-        more.times_noise > MIN_DIFFERENCE or _has_more_direct_evidence(search, one, other)
-    )
+    return significant and (more.times_noise > MIN_DIFFERENCE or has_more_direct_evidence(search, one, other))
 
 
-def _has_more_direct_evidence(search: Search, one: Fit, other: Fit) -> bool:
+def has_more_direct_evidence(search: Search, one: Fit, other: Fit) -> bool:
     """Whether the evidence that needs no robot model is significant, whatever the size in the speeds."""
     evidence = search.problem.evidence
     return evidence(one.effects) - evidence(other.effects) > SIGNIFICANT_GAIN
@@ -227,7 +225,7 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
         if set(other.effects) == set(best.effects):
             continue
         ahead = search.compare(best, other)
-        similar = ahead.times_noise < RIVAL_TIMES and not _has_more_direct_evidence(search, best, other)
+        similar = ahead.times_noise < RIVAL_TIMES and not has_more_direct_evidence(search, best, other)
         close = ahead.robust_gain < RIVAL_GAIN or similar
         named = is_named(search, other, base)
         named = named and (not needs_both or needs_both_effects(search, other))
