@@ -9,30 +9,39 @@ from __future__ import annotations
 
 import argparse
 import ast
+import dis
 import importlib
 import json
 import math
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from types import FunctionType, ModuleType
+from types import CodeType, FrameType, FunctionType, ModuleType
+from typing import TYPE_CHECKING
 
 ROOT = Path(__file__).resolve().parents[2]
 if __name__ == "__main__":
     sys.path[:0] = [str(ROOT / folder) for folder in ("host", "protocol/python", "tests")]
+
+if TYPE_CHECKING:
+    from support.practice_robots.plans import PlanKind
 
 DIAGNOSE = ROOT / "host" / "truing" / "diagnose"
 PAGE = ROOT / "docs" / "CONSTANTS.md"
 CHANGES = (1.3, 0.7)
 STATUSES = ("tuned", "compiled", "presentation", "fixed")
 NOT_MEASURED = "not measured"
+NOT_REACHED = "not reached"
+NO_CHANGE = "no verdict moves"
+FAILS = "fails"
 PANEL = "- Panel: "
 VERDICTS = "; verdicts as they are: "
 Value = float | tuple[float, ...]
-Outcome = list[list[str]]
 Marks = dict[tuple[str, str, str, float], str]  # what moves, by file, name, value and factor
 
 # Measured first: the modules in which the verdict is made.
@@ -40,6 +49,16 @@ FIRST = (
     "verdict", "pairs", "stepwise", "unseen_runs", "compare", "noise", "noise_floor", "problem",
     "residual_tests", "screen", "search",
 )  # fmt: skip
+# Practice robots, two runs each, near limits of several rules: effect, second one, strength, plan, seed.
+PRACTICE: tuple[tuple[str, str | None, str, PlanKind, int], ...] = (
+    ("driver_lag", None, "weak", "ordinary", 11),
+    ("stribeck_friction", None, "full", "rich", 3),
+    ("knocks", None, "full", "ordinary", 14),
+    ("supply_sag", "direction_asymmetry", "full", "rich", 15),
+    ("gear_backlash", None, "full", "rich", 4),
+    ("payload_change", None, "full", "thirds", 16),
+)
+PRACTICE_RUNS = 2
 # Values that physics, statistics, a format or a layout in memory fixes.
 NOT_TUNED = {
     "GRAVITY", "NORMAL_975", "CHI2_95", "SCHEMA", "BASELINE_PARAMETERS", "COUNTER_SPANS", "WHOLE_RUN",
@@ -158,8 +177,8 @@ def holders(constant: Constant) -> list[ModuleType]:
     return found
 
 
-def outcomes_with(constant: Constant, factor: float, measure: Callable[[], Outcome]) -> Outcome:
-    """Outcomes of the panel while the constant is changed."""
+def outcome_with(constant: Constant, factor: float, folder: Path) -> list[str]:
+    """Outcome of a set while the constant is changed."""
     held = holders(constant)
     before = getattr(held[0], constant.name)
     after = changed(before, factor)
@@ -167,9 +186,9 @@ def outcomes_with(constant: Constant, factor: float, measure: Callable[[], Outco
         for module in held:
             setattr(module, constant.name, after)
             _set_defaults(module, before, after)
-        return measure()
+        return outcome(folder)
     except Exception as error:  # a constant that is out of its range is a finding
-        return [["fails", type(error).__name__, ""]]
+        return [FAILS, type(error).__name__, ""]
     finally:
         for module in held:
             setattr(module, constant.name, before)
@@ -197,30 +216,109 @@ def outcome(folder: Path) -> list[str]:
     return [str(found.verdict), json.dumps(effects), json.dumps(parameters)]
 
 
-def difference(before: Outcome, after: Outcome) -> str:
-    """What differs, in the words of the table."""
-    if after and after[0][0] == "fails":
-        return f"fails: {after[0][1]}"
-    said = []
-    for number, (old, new) in enumerate(zip(before, after, strict=True), start=1):
-        if old[0] != new[0]:
-            said.append(f"set {number}: {new[0]}")
-        elif old[1] != new[1]:
-            said.append(f"set {number}: effects")
-        elif old[2] != new[2]:
-            said.append(f"set {number}: parameters")
-    return ", ".join(said) or "no verdict moves"
+def difference(number: int, old: list[str], new: list[str]) -> str:
+    """What differs between two outcomes of a set, in the words of the table; empty where nothing does."""
+    if old[0] != new[0]:
+        return f"set {number}: {new[0]}"
+    if old[1] != new[1]:
+        return f"set {number}: effects"
+    return f"set {number}: parameters" if old[2] != new[2] else ""
 
 
 def default_panel(folder: Path) -> list[Path]:
-    """What is at hand everywhere: the example, and a first-order robot with another time constant."""
+    """What is at hand everywhere: the example, a first-order robot with another time constant, PRACTICE."""
     from support import recorded_sets
+    from support.practice_robots import make_trial
 
     slower = recorded_sets.BASELINE_TOML.replace("= 0.35", "= 0.25")
-    return [
-        ROOT / "docs" / "example",
-        recorded_sets.write_set(folder / "wrong_time_constant", 2, model=slower),
-    ]
+    sets = [ROOT / "docs" / "example"]
+    sets.append(recorded_sets.write_set(folder / "wrong_time_constant", 2, model=slower))
+    for effect, second, strength, plan, seed in PRACTICE:
+        made = folder / effect
+        make_trial(seed, effect, strength, folder=made, plan_kind=plan, second_effect=second)
+        for run in sorted(made.glob("recordings/runs/*.csv"))[PRACTICE_RUNS:]:
+            run.unlink()
+        sets.append((made / "recordings").rename(folder / f"{effect}_{strength}"))
+    return sets
+
+
+@dataclass(frozen=True)
+class Panel:
+    """The sets, their outcomes with all constants as they are, and the code that ran for each."""
+
+    sets: list[Path]
+    before: list[list[str]]
+    ran: list[set[CodeType]]
+
+    @classmethod
+    def of(cls, sets: list[Path]) -> Panel:
+        for path in sets:  # compiles the simulation
+            outcome(path)
+        ran = [code_of(partial(outcome, path)) for path in sets]
+        return cls(sets, [outcome(path) for path in sets], ran)
+
+    def changes(self, constant: Constant, factor: float) -> str:
+        """What the first set that moves says; a set in which no code that uses the constant ran cannot."""
+        users = using(constant)
+        reached = [at for at, ran in enumerate(self.ran) if users is None or users & ran]
+        for at in reached:
+            after = outcome_with(constant, factor, self.sets[at])
+            if after[0] == FAILS:
+                return f"fails: {after[1]}"
+            if found := difference(at + 1, self.before[at], after):
+                return found
+        return NO_CHANGE if reached else NOT_REACHED
+
+
+def code_of(run: Callable[[], object]) -> set[CodeType]:
+    """Code objects of `truing.diagnose` that are run, in this thread and in those that it starts."""
+    found: set[CodeType] = set()
+
+    def note(frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and str(DIAGNOSE) in frame.f_code.co_filename:
+            found.add(frame.f_code)
+
+    threading.setprofile(note)
+    sys.setprofile(note)
+    try:
+        run()
+    finally:
+        sys.setprofile(None)
+        threading.setprofile(None)
+    return found
+
+
+def using(constant: Constant) -> set[CodeType] | None:
+    """Code that names the constant; None where that does not say when it is used.
+
+    It does not where other module-level values are made from it (defaults, tables, classes), or where
+    compiled code holds it.
+    """
+    users: set[CodeType] = set()
+    for module in holders(constant):
+        source = Path(str(module.__file__))
+        whole = compile(source.read_text(encoding="utf-8"), str(source), "exec")
+        if _loads(whole, constant.name):
+            return None
+        users |= {one for one in _inner(whole) if _loads(one, constant.name)}
+    return None if any(_is_compiled(one) for one in users) else users
+
+
+def _loads(code: CodeType, name: str) -> bool:
+    loads = ("LOAD_NAME", "LOAD_GLOBAL")
+    return any(one.opname in loads and one.argval == name for one in dis.get_instructions(code))
+
+
+def _inner(code: CodeType) -> Iterator[CodeType]:
+    for one in code.co_consts:
+        if isinstance(one, CodeType):
+            yield one
+            yield from _inner(one)
+
+
+def _is_compiled(code: CodeType) -> bool:
+    lines = Path(code.co_filename).read_text(encoding="utf-8").splitlines()
+    return "@compiled" in "".join(lines[max(code.co_firstlineno - 2, 0) : code.co_firstlineno])
 
 
 def measure(sets: list[Path], panel: str, minutes: float) -> None:
@@ -228,17 +326,13 @@ def measure(sets: list[Path], panel: str, minutes: float) -> None:
     said, marks = read_page()
     marks = marks if said.startswith(panel + VERDICTS) else {}
     end = time.monotonic() + 60.0 * minutes
-    for path in sets:  # compiles the simulation
-        outcome(path)
-    began = time.process_time()
-    before = [outcome(path) for path in sets]
-    panel += VERDICTS + ", ".join(one[0] for one in before)
-    print(f"{time.process_time() - began:.1f} s CPU a panel; {before}", file=sys.stderr, flush=True)
+    at_hand = Panel.of(sets)
+    panel += VERDICTS + ", ".join(one[0] for one in at_hand.before)
+    print(at_hand.before, file=sys.stderr, flush=True)
     for constant, factor in missing(marks):
         if time.monotonic() > end:
             break
-        after = outcomes_with(constant, factor, lambda: [outcome(path) for path in sets])
-        marks[key(constant, factor)] = difference(before, after)
+        marks[key(constant, factor)] = at_hand.changes(constant, factor)
         print(f"{constant.name} {factor}: {marks[key(constant, factor)]}", file=sys.stderr, flush=True)
         PAGE.write_text(page(panel, marks), encoding="utf-8")
 
@@ -276,8 +370,9 @@ HEAD = """# Tuned constants of `truing diagnose`
 Made by `tests/bench/constants.py`; a test fails when a constant is missing here or has another value. Only
 literal values are listed: a grid such as a geometric series is not. *Compiled*: frozen in compiled code, not
 measured. *Presentation*: used only after the verdict. *Fixed*: physics, statistics, a format or a layout.
-Compared are the verdict, the effects named, and their parameters to two digits. A small panel can show that
-a constant matters, not that it does not matter on other recordings.
+Compared are the verdict, the effects named, and their parameters to two digits; the first set of the panel
+that moves is given. *Not reached*: no code that uses it ran. A panel can show that a constant matters, not
+that it does not matter on other recordings.
 """
 
 
@@ -287,12 +382,14 @@ def page(panel: str, marks: Marks) -> str:
     counts = {kind: sum(c.status == kind for c in every) for kind in STATUSES}
     pairs = [[marks.get(key(c, factor), NOT_MEASURED) for factor in CHANGES] for c in every]
     measured = [pair for pair in pairs if NOT_MEASURED not in pair]
-    still = sum(pair == ["no verdict moves"] * 2 for pair in measured)
+    still = sum(pair == [NO_CHANGE] * 2 for pair in measured)
+    unreached = sum(pair == [NOT_REACHED] * 2 for pair in measured)
     text = [
         HEAD,
         f"- {len(every)} constants: " + ", ".join(f"{count} {kind}" for kind, count in counts.items()) + ".",
         f"{PANEL}{panel}.",
-        f"- Measured both ways: {len(measured)} of {counts['tuned']}; of these, {still} move nothing.",
+        f"- Measured both ways: {len(measured)} of {counts['tuned']}; of these, {still} move nothing"
+        f" and {unreached} are in no code that ran.",
     ]
     file = ""
     for constant, pair in zip(every, pairs, strict=True):

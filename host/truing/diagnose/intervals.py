@@ -19,13 +19,13 @@ from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.compare import SIGNIFICANT_GAIN, row_blocks
 from truing.diagnose.distributions import CHI2_95, NORMAL_975, student_quantile
 from truing.diagnose.fit import Fit, fit
-from truing.diagnose.problem import Problem
+from truing.diagnose.problem import Column, Problem
 from truing.diagnose.result import EffectParameter
 
 # Runs needed for a variance between runs. Pose windows per cluster: more than any run has.
 MIN_RUNS, WHOLE_RUN = 6, 1_000_000
-# Iterations of the refit under white noise, and of the one without an effect.
-REFIT_STEPS, WITHOUT_STEPS = 6, 10
+# Iterations of the refit under white noise, of the one without an effect, and of those along a grid.
+REFIT_STEPS, WITHOUT_STEPS, GRID_STEPS = 6, 10, 3
 # Standard deviations to the end of a 95 % interval; 95 % quantile of chi-squared with one degree of freedom.
 QUANTILE = NORMAL_975
 # Multiples of the interval at which the profile is evaluated.
@@ -50,8 +50,12 @@ def covariance(problem: Problem, done: Fit) -> FloatArray:
     identifiable = np.diag(likelihood) > 0.0
     size = np.sqrt(np.where(identifiable, np.diag(likelihood), 1.0))
     correlation = likelihood / np.outer(size, size) + np.diag(np.where(identifiable, 0.0, 1.0))
-    # An unidentifiable parameter (of a dead wheel) may lie anywhere within its bounds.
-    unconstrained = np.array([0.25 * (column.upper - column.lower) for column in done.columns])
+    unconstrained = np.array(
+        [
+            0.0 if known else _without_slope(problem, done, column)
+            for known, column in zip(identifiable, done.columns, strict=True)
+        ]
+    )
     widened = np.sqrt(variances) * _profile_widening(
         problem, done, likelihood / np.outer(scale, scale), identifiable
     )
@@ -144,6 +148,39 @@ def _profile_reach(problem: Problem, done: Fit, k: int, step: FloatArray) -> flo
         if theta[done.columns[k].entries[0]] in (done.columns[k].lower, done.columns[k].upper):
             break
     return reached
+
+
+def _without_slope(problem: Problem, done: Fit, column: Column) -> float:
+    """Standard deviation of a parameter at which the error has no slope.
+
+    One that is taken from a grid may lie anywhere between the next values on both sides that the likelihood
+    rules out; another one (of a dead wheel) anywhere within its bounds.
+    """
+    _, _, name = column.name.partition(".")
+    known = CATALOGUE[column.effect].parameters if column.effect else ()
+    grid = next((p.starts for p in known if p.name == name and p.fixed), ())
+    if not grid:
+        return 0.25 * (column.upper - column.lower)
+    value = done.theta[column.entries[0]]
+    above = [one for one in sorted(grid) if one > value]
+    below = [one for one in sorted(grid, reverse=True) if one < value]
+    ends = (_first_ruled_out(problem, done, column, below), _first_ruled_out(problem, done, column, above))
+    reach = max(
+        value - (column.lower if ends[0] is None else ends[0]),
+        (column.upper if ends[1] is None else ends[1]) - value,
+    )
+    return float(reach) / QUANTILE
+
+
+def _first_ruled_out(problem: Problem, done: Fit, column: Column, values: list[float]) -> float | None:
+    """The first of these values of a parameter that the likelihood rules out, the others refitted."""
+    limit = CHI2_95 * _mean_squared_residual(done, done.residual.flat())
+    for value in values:
+        start = done.theta.copy()
+        start[list(column.entries)] = value
+        if fit(problem, done.effects, start, iterations=GRID_STEPS).cost - done.cost > limit:
+            return value
+    return None
 
 
 def _clusters(problem: Problem, rows: IntArray, windows: int) -> IntArray:

@@ -68,6 +68,15 @@ def test_a_moment_that_lies_in_a_rest_may_be_anywhere_in_it() -> None:
     assert at.ci95[1] > ends - 1.0
 
 
+def test_a_moment_that_lies_in_motion_lies_between_the_next_of_the_grid() -> None:
+    """Where the error has no slope by the moment, values beside it are tried; it was half of the set once."""
+    data = robot(EIGHT_RUNS, "payload_change", {"time_constant_ratio": 1.4, "at": 0.53}, 1)
+    at = intervals(data, "payload_change", {"time_constant_ratio": 1.3, "at": 0.52})["at"]
+    duration_s = float(data.elapsed_s[-1])
+    assert holds(at, 0.53 * duration_s)
+    assert at.ci95[1] - at.ci95[0] < 0.17 * duration_s
+
+
 def test_a_parameter_at_its_bound_adds_no_uncertainty_to_the_others() -> None:
     """A filter of no length has the derivative of a delay: together they were uncertain by 20 s."""
     stage = initial_fit(*delayed())
