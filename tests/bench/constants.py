@@ -42,6 +42,7 @@ FAILS = "fails"
 PANEL = "- Panel: "
 VERDICTS = "; verdicts as they are: "
 Value = float | tuple[float, ...]
+Place = tuple[str, str]  # a file, and the qualified name of a function in it
 Marks = dict[tuple[str, str, str, float], str]  # what moves, by file, name, value and factor
 
 # Measured first: the modules in which the verdict is made.
@@ -248,7 +249,7 @@ class Panel:
 
     sets: list[Path]
     before: list[list[str]]
-    ran: list[set[CodeType]]
+    ran: list[set[Place]]
 
     @classmethod
     def of(cls, sets: list[Path]) -> Panel:
@@ -270,13 +271,13 @@ class Panel:
         return NO_CHANGE if reached else NOT_REACHED
 
 
-def code_of(run: Callable[[], object]) -> set[CodeType]:
-    """Code objects of `truing.diagnose` that are run, in this thread and in those that it starts."""
-    found: set[CodeType] = set()
+def code_of(run: Callable[[], object]) -> set[Place]:
+    """Functions of `truing.diagnose` that are run, in this thread and in those that it starts."""
+    found: set[Place] = set()
 
     def note(frame: FrameType, event: str, _: object) -> None:
         if event == "call" and str(DIAGNOSE) in frame.f_code.co_filename:
-            found.add(frame.f_code)
+            found.add(_place(frame.f_code))
 
     threading.setprofile(note)
     sys.setprofile(note)
@@ -288,8 +289,8 @@ def code_of(run: Callable[[], object]) -> set[CodeType]:
     return found
 
 
-def using(constant: Constant) -> set[CodeType] | None:
-    """Code that names the constant; None where that does not say when it is used.
+def using(constant: Constant) -> set[Place] | None:
+    """Functions that name the constant; None where that does not say when it is used.
 
     It does not where other module-level values are made from it (defaults, tables, classes), or where
     compiled code holds it.
@@ -301,7 +302,11 @@ def using(constant: Constant) -> set[CodeType] | None:
         if _loads(whole, constant.name):
             return None
         users |= {one for one in _inner(whole) if _loads(one, constant.name)}
-    return None if any(_is_compiled(one) for one in users) else users
+    return None if any(_is_compiled(one) for one in users) else {_place(one) for one in users}
+
+
+def _place(code: CodeType) -> Place:
+    return code.co_filename, code.co_qualname
 
 
 def _loads(code: CodeType, name: str) -> bool:

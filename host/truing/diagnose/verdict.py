@@ -109,8 +109,10 @@ def decide(search: Search, best: Fit) -> Reasoning:
     given = Fit((), start, (), problem.residual(start, ()))
     remaining = above_quantisation(problem, best, residual_structure(problem, best))
     rivals = rivals_of(search, best) if best.effects else ()
-    if _leaves_something(search, best, remaining, EXCESS_OF_FLOOR):
-        verdict: Verdict = "partly_explained" if _is_named_beside_more(search, best) else "unexplained"
+    if is_contradicted(search, best):
+        verdict: Verdict = "unexplained"
+    elif _leaves_something(search, best, remaining, EXCESS_OF_FLOOR):
+        verdict = "partly_explained" if _is_named_beside_more(search, best) else "unexplained"
     elif best.effects:
         verdict = "ambiguous" if rivals else "missing_physics"
     else:
@@ -121,6 +123,24 @@ def decide(search: Search, best: Fit) -> Reasoning:
     if any(len(rival.effects) < len(best.effects) for rival in rivals):
         sure = min(sure, TIED_CONFIDENCE)  # one effect fewer explains the recordings as well
     return Reasoning(search, verdict, given, base, best, rivals, remaining, sure)
+
+
+def is_contradicted(search: Search, best: Fit) -> bool:
+    """Whether the likelihood prefers another effect to the named one by far, and runs left out refuse it.
+
+    The right equation leaves noise alone, and is both the most likely and the best on runs left out. Where
+    none is both, the catalogue does not hold it. Several effects are chosen by runs left out alone.
+    """
+    if len(best.effects) != 1 or search.problem.exceeds_noise(best.residual.speeds):
+        return False
+    base = search.fits[()]
+    return any(
+        search.compare(other, best).gain > SIGNIFICANT_GAIN
+        and is_named(search, other, base)
+        and not _only_extends(search, best, other)
+        for other in search.ranked(1)
+        if other.effects != best.effects
+    )
 
 
 def _is_named_beside_more(search: Search, best: Fit) -> bool:
