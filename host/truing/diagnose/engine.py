@@ -21,6 +21,7 @@ from truing.diagnose.data.sim_runs import read_sim_runs
 from truing.diagnose.diagnosis_input import Options
 from truing.diagnose.exchanges import best_exchange, with_exchanges
 from truing.diagnose.fit import Fit, fit
+from truing.diagnose.initial_speed import with_likely_starts
 from truing.diagnose.inter_sample_input import inter_sample_uncertainty, with_inter_sample_input
 from truing.diagnose.measured import ruled_out, with_measured
 from truing.diagnose.next_experiment import propose
@@ -37,6 +38,7 @@ from truing.diagnose.problem import (
     robust_pose_sigma,
 )
 from truing.diagnose.profiles import Limits
+from truing.diagnose.residual_tests import wheel_taus
 from truing.diagnose.result import Diagnosis
 from truing.diagnose.result_assembly import assemble_result
 from truing.diagnose.search import Search
@@ -122,6 +124,7 @@ def _diagnose(recordings: RecordingSet, options: Options, progress: Progress) ->
         diagnosis,
         checks=(*diagnosis.checks, *more),
         not_exercised=tuple(sorted({*diagnosis.not_exercised, *data_checks.blocked} - named)),
+        has_given=not recordings.baseline.is_fitted,
     )
     if len(diagnosis.explanations) > 1 and diagnosis.next_experiment is None:
         limits = None if options.floor_m is None else Limits(floor_m=options.floor_m)
@@ -180,7 +183,7 @@ def investigate(
     """All fits but of the excluded effects, and the verdict from them."""
     data = with_inter_sample_input(with_selected_signal(data))
     stage = initial_fit(data, SetSimulator(data, data.baseline, commanded=data.commanded))
-    stage = _with_instant_speeds(stage)
+    stage = _with_likely_starts(_with_instant_speeds(stage))
     names = [name for name in applicable_effects(stage.problem.data) if name not in excluded]
     progress(0.1)
     search = Search.from_baseline(stage.problem, stage.base, names, jobs)
@@ -245,6 +248,15 @@ def _with_instant_speeds(stage: _Stage) -> _Stage:
     instant = read_at_rows(data)
     other = initial_fit(instant, SetSimulator(instant, instant.baseline))
     return other if _plain_error(other) < MAX_INSTANT_ERROR * _plain_error(stage) else stage
+
+
+def _with_likely_starts(stage: _Stage) -> _Stage:
+    """The stage with the initial speeds that are most likely under its refitted baseline."""
+    problem, base = stage.problem, stage.base
+    data = with_likely_starts(problem.data, base.residual.speeds, wheel_taus(problem, base.theta))
+    if data is problem.data or data.commanded:
+        return stage
+    return initial_fit(data, SetSimulator(data, data.baseline))
 
 
 def _plain_error(stage: _Stage) -> float:

@@ -420,6 +420,7 @@ class Diagnosis:
     weakly_exercised : effects that they could have shown only if strong.
     explanations : those possible, best first (one under `missing_physics`); kept out of the JSON.
     traces : per run; kept out of the JSON.
+    has_given : the baseline was given, so that there are errors and numbers as given; kept out of the JSON.
     recordings : what was diagnosed, with its baseline, where the result is to be exported from Python; kept
         out of the JSON.
     """
@@ -449,6 +450,7 @@ class Diagnosis:
     seconds: float = math.nan
     explanations: tuple[Explanation, ...] = field(default=(), repr=False)
     traces: tuple[RunTraces, ...] = field(default=(), repr=False)
+    has_given: bool = True
     recordings: RecordingSet | None = field(default=None, repr=False, compare=False)
 
     def __str__(self) -> str:

@@ -17,6 +17,9 @@ from truing.diagnose.search import effect_set
 NEGLIGIBLE = 0.01
 # Benefits that differ by less than this are alike.
 SIMILAR_BENEFIT = 0.06
+# A part of a single run with more than this share of the squared difference of two models is the only one
+# that distinguishes them.
+ONLY_PART = 0.8
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +31,13 @@ class UnseenErrors:
     wheels : RMS over both wheels, m/s.
     pose : RMS over the pose's windows, m; 0 without a pose.
     by_run : shape (runs,), sum of squared wheel errors of each run, m^2/s^2.
+    by_part : shape (parts,), of each part that is left out together.
     """
 
     wheels: float
     pose: float
     by_run: FloatArray
+    by_part: FloatArray
 
 
 @dataclass
@@ -57,16 +62,45 @@ class UnseenRuns:
             pose = pose_rmse(self.problem, found.pose) if len(found.pose) else 0.0
             square = (found.error**2 * self.problem.measured).sum(axis=1)
             by_run: FloatArray = np.bincount(data.run_of_row, square, data.runs).astype(np.float64)
-            self._known[name] = UnseenErrors(found.rmse(self.problem.measured), pose, by_run)
+            by_part: FloatArray = np.bincount(folds, square).astype(np.float64)
+            self._known[name] = UnseenErrors(found.rmse(self.problem.measured), pose, by_run, by_part)
         return self._known[name]
 
     def benefit(self, one: Fit, other: Fit) -> float:
         """Share by which `one` lowers the error of wheels or pose; negative where it raises either."""
         a, b = self.errors(one), self.errors(other)
-        shares = [1.0 - a.wheels / max(b.wheels, 1e-12)]
+        shares = [1.0 - self._wheels_ratio(one, other)]
         if b.pose > 0.0:
             shares.append(1.0 - a.pose / b.pose)
         return min(shares) if min(shares) < -NEGLIGIBLE else max(shares)
+
+    def _wheels_ratio(self, one: Fit, other: Fit) -> float:
+        """Error of the wheels by `one` over that by `other`.
+
+        A part of a single run that alone distinguishes them, such as the one step of a step test, leaves
+        nothing to the other parts to estimate the difference from. That part counts as it was fitted.
+        """
+        a, b = self.errors(one), self.errors(other)
+        part = self._only_part(one, other)
+        if part is None:
+            return a.wheels / max(b.wheels, 1e-12)
+        squares = []
+        for errors, each in ((a, one), (b, other)):
+            error = self.problem.data.speed_mps - each.residual.speeds
+            here = self.problem.measured * (folds_of(self.problem.data) == part)[:, None]
+            fitted = float(np.sum(np.where(here > 0.0, here * error**2, 0.0)))
+            squares.append(float(np.delete(errors.by_part, part).sum()) + fitted)
+        return float(np.sqrt(squares[0] / max(squares[1], 1e-24)))
+
+    def _only_part(self, one: Fit, other: Fit) -> int | None:
+        """The part of a single run that alone distinguishes two models, or None."""
+        data = self.problem.data
+        if data.runs > 1:
+            return None
+        difference = self.problem.measured * (one.residual.speeds - other.residual.speeds) ** 2
+        energy = np.bincount(folds_of(data), difference.sum(axis=1))
+        part = int(np.argmax(energy))
+        return part if energy[part] > ONLY_PART * float(energy.sum()) else None
 
     def loss_share(self, one: Fit, other: Fit) -> float:
         """Squared error that `one` adds to the runs that it makes worse, over what it removes in others."""

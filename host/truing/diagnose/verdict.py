@@ -118,7 +118,9 @@ def decide(search: Search, best: Fit) -> Reasoning:
     else:
         change = search.compare(base, given)
         parameters_differ = change.gain > SIGNIFICANT_GAIN and change.times_noise > MIN_PARAMETER_CHANGE
-        verdict = "parameters_only" if parameters_differ else "consistent"
+        # Numbers that were fitted to these runs are nobody's claim.
+        is_claimed = not problem.data.baseline.is_fitted
+        verdict = "parameters_only" if parameters_differ and is_claimed else "consistent"
     sure = confidence(search, best)
     if any(len(rival.effects) < len(best.effects) for rival in rivals):
         sure = min(sure, TIED_CONFIDENCE)  # one effect fewer explains the recordings as well

@@ -34,7 +34,8 @@ def with_first_baseline(recordings: RecordingSet) -> RecordingSet:
     # Both sides of an axis hold the same numbers.
     wheels: tuple[Wheel, ...] = WHEELS if recordings.axis is None else ("left",)
     robot = recordings.robot or RobotGeometry(name=recordings.name)
-    return replace(recordings, baseline=linear_baseline(recordings.runs, robot, wheels))
+    fitted = replace(linear_baseline(recordings.runs, robot, wheels), is_fitted=True)
+    return replace(recordings, baseline=fitted)
 
 
 def linear_baseline(runs: Sequence[Run], robot: RobotGeometry, wheels: Sequence[Wheel] = WHEELS) -> Baseline:

@@ -54,6 +54,7 @@ class Baseline:
     `reference_mps` are the full-effort speeds (left, right) that effects' numbers refer to, where these are
     not the gains: those of the baseline that the effects were found with. `effects` holds the optional
     [effect.NAME] tables as they stand: one per physical effect that the user's simulation already contains.
+    `is_fitted`: nobody gave it, its numbers were fitted to the recordings that it stands beside.
     """
 
     path: Path
@@ -63,6 +64,7 @@ class Baseline:
     log_rate_hz: float | None = None
     effects: dict[str, dict[str, Any]] = field(default_factory=dict)
     reference_mps: tuple[float, float] | None = None
+    is_fitted: bool = False
 
     @property
     def full_effort_mps(self) -> tuple[float, float]:

@@ -99,7 +99,9 @@ def initial_speeds(
         rows = speed[a : min(a + 3, b)]
         moving = np.abs(rows).min(axis=0) > AT_REST_SHARE * gains
         # Row 0 of a run repeats row 1 where speed is differenced: extrapolate from rows 1 and 2.
-        at_start = rows[0] if instant or len(rows) < 3 else 1.5 * rows[1] - 0.5 * rows[2]
+        at_start = rows[0]
+        if not instant and len(rows) > 2:
+            at_start = rows[1] - _half_row(t_s, effort, rows, a, baseline)
         initial[k] = np.where(moving, at_start, 0.0)
         for wheel in np.flatnonzero(~moving):
             here = slice(a, b)
@@ -107,6 +109,20 @@ def initial_speeds(
             if row is not None:
                 initial[k, wheel] = speed[a + row, wheel]
     return initial
+
+
+def _half_row(
+    t_s: FloatArray, effort: FloatArray, rows: FloatArray, first: int, baseline: Baseline
+) -> FloatArray:
+    """Change of speed from the start of a segment's row 1 to its middle, shape (2,), m/s.
+
+    Half of that from row 1 to row 2; less what a change of effort between these adds to it, where that makes
+    it smaller: a robot that answers late has not yet seen that change.
+    """
+    change = 0.5 * (rows[2] - rows[1])
+    slopes = np.array([wheel.gain_mps / wheel.time_constant_s for wheel in (baseline.left, baseline.right)])
+    added = 0.25 * (t_s[first + 2] - t_s[first + 1]) * slopes * (effort[first + 2] - effort[first + 1])
+    return np.where(np.abs(change - added) < np.abs(change), change - added, change)
 
 
 def best_heading(

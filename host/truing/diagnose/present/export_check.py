@@ -20,6 +20,7 @@ from truing.diagnose.data.encoder_faults import find_encoder_fault, one_wheel
 from truing.diagnose.data.recorder import at_renewals, repeated_rows
 from truing.diagnose.data.set_data import read_at_rows, set_data
 from truing.diagnose.data.traces import RunTraces
+from truing.diagnose.initial_speed import with_likely_starts
 from truing.diagnose.inter_sample_input import with_inter_sample_input
 from truing.diagnose.present.corrected_model import CorrectedModel
 from truing.diagnose.problem import weighted_rms
@@ -111,6 +112,11 @@ def error_as_given(
     data = read_at_rows(data) if instant else data
     simulator = SetSimulator(data, data.baseline)
     speeds = simulator.speeds(simulator.start(), simulator.enabled(()))
+    taus = np.array([side.time_constant_s for side in (baseline.left, baseline.right)])
+    likely = with_likely_starts(data, speeds, taus)
+    if likely is not data:
+        simulator = SetSimulator(likely, baseline)
+        speeds = simulator.speeds(simulator.start(), simulator.enabled(()))
     return weighted_rms(data.speed_mps - speeds, np.where(data.counted, data.stands_for, 0.0))
 
 

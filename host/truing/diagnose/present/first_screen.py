@@ -39,7 +39,10 @@ def error_sentence(diagnosis: Diagnosis) -> str:
         fit = diagnosis.pose_fit
     noise = amount(fit.noise_floor, fit.unit)
     if diagnosis.verdict == "consistent":
-        return f"Its error is {amount(fit.baseline_rmse, fit.unit)}, the noise {noise}."
+        error = fit.baseline_rmse if diagnosis.has_given else fit.refit_rmse
+        return f"Its error is {amount(error, fit.unit)}, the noise {noise}."
+    if not diagnosis.effects and not diagnosis.has_given:
+        return f"Gain and time constant alone leave {amount(fit.refit_rmse, fit.unit)}; the noise is {noise}."
     if not diagnosis.effects:
         change = _change(fit.baseline_rmse, fit.refit_rmse, fit.unit)
         return f"Refitted numbers {change}; the noise is {noise}."

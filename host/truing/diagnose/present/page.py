@@ -21,6 +21,7 @@ from truing.diagnose.present.text import (
     number_lines,
     of_axis,
     place_lines,
+    refitted_text,
     rivals_text,
     sentence,
     signal_text,
@@ -96,10 +97,9 @@ class _Page:
 
     def facts(self) -> str:
         fit = self.diagnosis.fit
-        values = [
-            ("Error as given", amount(fit.baseline_rmse, fit.unit)),
-            ("With refitted parameters", amount(fit.refit_rmse, fit.unit)),
-        ]
+        values = [(capital(refitted_text(self.diagnosis)), amount(fit.refit_rmse, fit.unit))]
+        if self.diagnosis.has_given:
+            values.insert(0, ("Error as given", amount(fit.baseline_rmse, fit.unit)))
         if self.named:
             values.append(("With the named effects", amount(fit.model_rmse, fit.unit)))
         values.append(("Noise floor", amount(fit.noise_floor, fit.unit)))
@@ -120,7 +120,7 @@ class _Page:
             runs.rows.append([run.name, *row])
         lines = [
             f"{len(self.recordings)} recorded runs against a simulation that knows gain and time constant of "
-            f"each wheel{self._known()}. Its parameters were refitted before effects were added."
+            f"each wheel{self._known()}. Its parameters were {self._fitted()} before effects were added."
         ]
         lines += [sentence(str(check)) for check in self.diagnosis.checks if check.severity == "note"]
         noise = PlainTable(
@@ -142,6 +142,9 @@ class _Page:
         if baseline is None or not baseline.effects:
             return ""
         return ", and already contains " + ", ".join(effect_title(name) for name in baseline.effects)
+
+    def _fitted(self) -> str:
+        return "refitted" if self.diagnosis.has_given else "fitted to these runs"
 
     def differs(self) -> str:
         if not self.before.cells:

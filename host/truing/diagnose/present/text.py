@@ -114,7 +114,9 @@ def wrapped(sections: Iterable[Section]) -> Iterator[str]:
 
 def headline(diagnosis: Diagnosis) -> str:
     """The verdict in one sentence."""
-    verdict = diagnosis.verdict
+    verdict, lacking = diagnosis.verdict, f"Missing from {_simulation(diagnosis)}"
+    if verdict == "consistent" and not diagnosis.has_given:
+        return "No missing effect was detected: gain and time constant explain the recordings."
     if verdict == "consistent":
         return "No missing effect was detected: the simulation explains the recordings down to their noise."
     if verdict == "parameters_only":
@@ -122,22 +124,23 @@ def headline(diagnosis: Diagnosis) -> str:
     if verdict == "missing_physics":
         titles = joined([effect_title(effect.name) for effect in diagnosis.effects])
         where = _wheel_text(diagnosis.effects[0].scope) if len(diagnosis.effects) == 1 else ""
-        return f"Missing from the simulation{where}: {titles}{_sure(diagnosis.confidence)}."
+        return f"{lacking}{where}: {titles}{_sure(diagnosis.confidence)}."
     if verdict == "partly_explained":
         titles = joined([effect_title(one.name) for one in diagnosis.effects if one.explanation == 0])
         share = f"{100.0 * diagnosis.left_over_share:.0f} % of its energy"
-        return f"Missing from the simulation: {titles}. Part of the mismatch ({share}) remains unexplained."
+        return f"{lacking}: {titles}. Part of the mismatch ({share}) remains unexplained."
     if verdict == "ambiguous" and (second := uncertain_second_effect(diagnosis)):
         first, others = effect_title(second[0]), joined([effect_title(name) for name in second[1]], "or")
-        return (
-            f"Missing from the simulation: {first}; perhaps also {others}, which may only compensate its "
-            "equation's error."
-        )
+        return f"{lacking}: {first}; perhaps also {others}, which may only compensate its equation's error."
     if verdict == "ambiguous":
         options = [" with ".join(map(effect_title, names)) for names in alternatives(diagnosis)]
         mark = ";" if any(" with " in option for option in options) else ","
         return f"Physics is missing; these recordings do not identify which: {joined(options, 'or', mark)}."
     return "There is a significant mismatch, and nothing in the catalogue explains it."
+
+
+def _simulation(diagnosis: Diagnosis) -> str:
+    return "the simulation" if diagnosis.has_given else "gain and time constant alone"
 
 
 def alternatives(diagnosis: Diagnosis) -> list[tuple[str, ...]]:
@@ -229,23 +232,30 @@ def error_lines(diagnosis: Diagnosis) -> list[str]:
 
 
 def _errors(fit: FitErrors, what: str, diagnosis: Diagnosis) -> str:
-    parts = [
-        f"{amount(fit.baseline_rmse, fit.unit)} as given",
-        f"{amount(fit.refit_rmse, fit.unit)} with refitted parameters",
-    ]
+    parts = [f"{amount(fit.refit_rmse, fit.unit)} {refitted_text(diagnosis)}"]
+    if diagnosis.has_given:
+        parts.insert(0, f"{amount(fit.baseline_rmse, fit.unit)} as given")
     if diagnosis.effects:
         parts.append(f"{amount(fit.model_rmse, fit.unit)} with the named effects")
     return f"{what}: {', '.join(parts)}; noise floor {amount(fit.noise_floor, fit.unit)}."
 
 
+def refitted_text(diagnosis: Diagnosis) -> str:
+    """What an error without effects is of."""
+    return "with refitted parameters" if diagnosis.has_given else "with gain and time constant alone"
+
+
 def number_lines(diagnosis: Diagnosis) -> list[str]:
-    """The baseline's parameters that should change."""
+    """The baseline's parameters that should change; all of them where nobody gave any."""
     lines = []
     for entry in diagnosis.numbers:
         low, high = entry.with_effects.ci95
+        name = {"gain_mps": "gain", "time_constant_s": "time constant"}.get(entry.name, entry.name)
+        if not diagnosis.has_given:
+            lines.append(f"{capital(entry.wheel)} {name}: {value_text(entry.with_effects)}.")
+            continue
         if diagnosis.verdict == "consistent" or low <= entry.given <= high:
             continue
-        name = {"gain_mps": "gain", "time_constant_s": "time constant"}.get(entry.name, entry.name)
         change = 100.0 * (entry.with_effects.value / entry.given - 1.0) if entry.given else math.nan
         lines.append(
             f"{capital(entry.wheel)} {name}: {value_text(entry.with_effects)} instead of "
