@@ -16,7 +16,7 @@ from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.data.checks import check_data
 from truing.diagnose.data.encoder_faults import find_encoder_fault, one_wheel, with_encoder_fault
 from truing.diagnose.data.recorder import at_renewals, repeated_rows
-from truing.diagnose.data.set_data import SetData, read_at_rows, set_data
+from truing.diagnose.data.set_data import SetData, set_data
 from truing.diagnose.data.sim_runs import read_sim_runs
 from truing.diagnose.diagnosis_input import Options
 from truing.diagnose.exchanges import best_exchange, with_exchanges
@@ -48,13 +48,11 @@ from truing.diagnose.simulator_baseline import equivalent_baseline, with_simulat
 from truing.diagnose.stepwise import extend_model, without_uncertain_effects
 from truing.diagnose.verdict import Reasoning, decide, select_model
 from truing.errors import IdentifyError
+from truing.identify.row_sampling import with_row_sampling
 from truing.progress import Progress, ignore_progress
 from truing.recording.held_load import without_held_load
 from truing.recording.run import RecordingSet
 
-# Speeds are read at the rows' times if this share of the error of a plain model remains then, or less.
-MAX_INSTANT_ERROR = 0.97
-DRY_FRICTION = "coulomb_friction"
 # Single effects, and second effects beside each of the best single ones, that are fitted at most.
 MAX_SINGLES = 14
 MAX_PAIRS = 6
@@ -154,7 +152,9 @@ def analyse(
     """
     began = time.monotonic()
     measured = at_renewals(recordings)
-    data = set_data(measured, commanded=commanded, repeated=_repeated(recordings, measured))
+    repeated = _repeated(recordings, measured)
+    measured = measured if commanded else with_row_sampling(measured)
+    data = set_data(measured, commanded=commanded, repeated=repeated)
     reasoning = investigate(data, progress, jobs or os.cpu_count() or 1, excluded)
     if accept:
         reasoning = with_accepted(reasoning, accept)
@@ -183,7 +183,7 @@ def investigate(
     """All fits but of the excluded effects, and the verdict from them."""
     data = with_inter_sample_input(with_selected_signal(data))
     stage = initial_fit(data, SetSimulator(data, data.baseline, commanded=data.commanded))
-    stage = _with_likely_starts(_with_instant_speeds(stage))
+    stage = _with_likely_starts(stage)
     names = [name for name in applicable_effects(stage.problem.data) if name not in excluded]
     progress(0.1)
     search = Search.from_baseline(stage.problem, stage.base, names, jobs)
@@ -236,20 +236,6 @@ def initial_fit(data: SetData, simulator: SetSimulator) -> _Stage:
     return _Stage(problem, fit(problem, (), base.theta, iterations=10))
 
 
-def _with_instant_speeds(stage: _Stage) -> _Stage:
-    """The stage with speeds read at the rows' times where a plain model fits clearly better so.
-
-    Such speeds are half a row ahead of means over the rows, and no effect makes a robot answer sooner. Where
-    counts or positions are recorded beside them there is nothing to find out.
-    """
-    data = stage.problem.data
-    if data.source != "vel" or data.position_speed_mps is not None or data.commanded:
-        return stage
-    instant = read_at_rows(data)
-    other = initial_fit(instant, SetSimulator(instant, instant.baseline))
-    return other if _plain_error(other) < MAX_INSTANT_ERROR * _plain_error(stage) else stage
-
-
 def _with_likely_starts(stage: _Stage) -> _Stage:
     """The stage with the initial speeds that are most likely under its refitted baseline."""
     problem, base = stage.problem, stage.base
@@ -257,17 +243,6 @@ def _with_likely_starts(stage: _Stage) -> _Stage:
     if data is problem.data or data.commanded:
         return stage
     return initial_fit(data, SetSimulator(data, data.baseline))
-
-
-def _plain_error(stage: _Stage) -> float:
-    """Free-run error of the refitted baseline with dry friction, which else hides half a row, m/s."""
-    base, problem = stage.base, stage.problem
-    best = problem.free_run_rmse(base.residual.speeds)
-    if DRY_FRICTION in problem.base_effects:
-        return best
-    plain = problem.plain(best)
-    dry = Search(plain, {}, jobs=1).with_effect(base, DRY_FRICTION)
-    return min(best, problem.free_run_rmse(dry.residual.speeds))
 
 
 def _error_as_given(data: SetData, simulator: SetSimulator) -> float:

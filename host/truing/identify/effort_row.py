@@ -93,7 +93,7 @@ def effort_row(recordings: RecordingSet) -> EffortRow | None:
     if any(run.metadata is not None and run.metadata.firmware for run in recordings):
         return None
     for wheel in _most_moved_first(recordings):
-        runs = _some(recordings.runs)
+        runs = first_rows(recordings.runs)
         steps = _steps(runs, wheel)
         if steps < MIN_STEPS:
             continue
@@ -135,10 +135,10 @@ def _a_row_ahead(run: Run, wheel: Wheel) -> Run:
     return replace(run, columns=run.columns | {name: np.append(effort[1:], effort[-1])})
 
 
-def _some(runs: Sequence[Run]) -> list[Run]:
+def first_rows(runs: Sequence[Run], count: int = MAX_ROWS) -> list[Run]:
     """The first runs, as many as make enough rows; the last of them cut."""
     chosen: list[Run] = []
-    left = MAX_ROWS
+    left = count
     for run in runs:
         if left < 20:
             break

@@ -107,9 +107,10 @@ class WheelData:
         self.weight = np.concatenate(weights)
         self.run_of = np.concatenate(numbers)
         self.run_count = len(runs)
+        self.instant = all(run.instant and run.speed(wheel, baseline).source == "vel" for run in runs)
 
     def simulate(self, gain_mps: float, time_constant_s: float) -> FloatArray:
-        """Free-run mean speed over each row's interval, shape (n,), m/s."""
+        """Free-run mean speed over each row's interval, or speed at its time, shape (n,), m/s."""
         driven, released = self._responses(time_constant_s)
         return gain_mps * driven + released
 
@@ -134,11 +135,13 @@ class WheelData:
         return np.sqrt(np.bincount(self.run_of, weighted, minlength=self.run_count))
 
     def _responses(self, time_constant_s: float) -> tuple[FloatArray, FloatArray]:
-        """Mean speed per unit gain, and mean speed left from the stretch's first row, shapes (n,)."""
+        """Speed per unit gain, and speed left from the stretch's first row, as rows hold it, shapes (n,)."""
         x = self.interval / time_constant_s
         keep = np.where(self.start, 0.0, np.exp(-x))
         driven_end = _recursion(keep, np.where(self.start, 0.0, -np.expm1(-x) * self.effort))
         released_end = _recursion(keep, np.where(self.start, self.speed, 0.0))
+        if self.instant:
+            return driven_end, released_end
         # Mean of an exponential over the interval, per unit of its value at the start.
         mean = np.where(x > 1e-9, -np.expm1(-x) / np.maximum(x, 1e-9), 1.0)
         driven_begin = np.concatenate(([0.0], driven_end[:-1]))

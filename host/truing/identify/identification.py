@@ -13,6 +13,7 @@ from truing.identify.effort_checks import refuse_efforts
 from truing.identify.effort_row import effort_row
 from truing.identify.first_order import FirstOrderFit, fit_first_order
 from truing.identify.identifiable import STEPS_ADVICE
+from truing.identify.row_sampling import SAID, with_row_sampling
 from truing.identify.step_metrics import StepMetrics, step_metrics
 from truing.model.robot_model import RobotModel
 from truing.model.wheel import WheelPhysics
@@ -158,6 +159,7 @@ def identify_set(recordings: RecordingSet, progress: Progress = ignore_progress)
     """
     refuse_absurd(recordings)
     refuse_efforts(recordings)
+    recordings = with_row_sampling(recordings)
     runs = []
     for number, run in enumerate(recordings, start=1):
         runs.append(_identify_run(run, recordings.robot, recordings.wheels))
@@ -169,6 +171,8 @@ def identify_set(recordings: RecordingSet, progress: Progress = ignore_progress)
         fits.append(fit_first_order(members, wheel, recordings.robot, label=label, scale_mps=scale))
         progress(0.3 + 0.7 * number / len(jobs))
     findings = check_set(recordings)
+    if recordings.runs[0].instant:
+        findings += (Finding(recordings.runs[0].name, SAID, None, "row_sampling"),)
     offset = effort_row(recordings)
     if offset is not None and offset.sentence():
         text = f"{offset.sentence()}. {offset.advice()}"

@@ -18,6 +18,7 @@ from truing.identify.grey_box import SharedFits, WheelFit, fit_wheel
 from truing.identify.held_out import PARSIMONY, simplest_good
 from truing.identify.identifiable import STEPS_ADVICE, TIME_CONSTANT, at_a_bound
 from truing.identify.output_error import PhysicsFit
+from truing.identify.row_sampling import SAID, with_row_sampling
 from truing.identify.signals import wheel_signal
 from truing.identify.state_space import StateSpaceFit, fit_state_space_signal
 from truing.identify.structures import DELAY, STRUCTURES, Structure
@@ -150,6 +151,7 @@ def fit_models(
     """
     refuse_absurd(recordings)
     refuse_efforts(recordings)
+    recordings = with_row_sampling(recordings)
     names = BASIC + (RICHER if richer else ())
     done = dict.fromkeys(recordings.wheels, 0.0)
 
@@ -178,6 +180,8 @@ def fit_models(
     notes: tuple[str, ...] = ()
     if offset is not None and offset.sentence():
         notes = (f"{offset.wheel} wheel: {offset.sentence()}. {offset.advice()}",)
+    if recordings.runs[0].instant:
+        notes += (SAID,)
     return SetModels(recordings.name, tuple(wheels), refused, robot, rate, notes, recordings.axis)
 
 

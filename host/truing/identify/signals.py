@@ -86,14 +86,15 @@ class WheelSignal:
         if not rows:
             raise IdentifyError("no run is left to fit")
         index = np.concatenate(rows)
+        chosen = excitation(
+            whole.t_s[index],
+            whole.effort[index],
+            whole.supply[index],
+            np.array(starts, dtype=np.int64),
+            np.array(intervals),
+        )
         return WheelSignal(
-            excitation(
-                whole.t_s[index],
-                whole.effort[index],
-                whole.supply[index],
-                np.array(starts, dtype=np.int64),
-                np.array(intervals),
-            ),
+            replace(chosen, mean_over_interval=whole.mean_over_interval),
             self.speed_mps[index],
             np.concatenate(run_of_row),
             tuple(self.names[k] for k in keep),
@@ -112,8 +113,9 @@ MIN_TOGETHER = 3
 def thinned(signal: WheelSignal) -> WheelSignal | None:
     """The signal with rows put together to what a search needs; None where there are not too many.
 
-    Efforts, supply and speed of a row are means over its interval, and so are those of several rows. The
-    first row of a segment, which gives its initial speed, stays as it is.
+    Efforts, supply and speed of a row are means over its interval, and so are those of several rows; of
+    speeds that were read at the rows' times the last one stands. The first row of a segment, which gives its
+    initial speed, stays as it is.
     """
     whole = signal.excitation
     count = int(SEARCH_SPACING_S / float(np.median(whole.interval_s)) + 0.01)
@@ -139,12 +141,13 @@ def thinned(signal: WheelSignal) -> WheelSignal | None:
         np.where(first, values[index], part / np.where(first, 1.0, length))
         for values, part in zip((whole.effort, whole.supply, signal.speed_mps), sums, strict=True)
     )
+    together = excitation(
+        whole.t_s[index], effort, supply, np.array(starts, dtype=np.int64), count * whole.interval_s
+    )
     return replace(
         signal,
-        excitation=excitation(
-            whole.t_s[index], effort, supply, np.array(starts, dtype=np.int64), count * whole.interval_s
-        ),
-        speed_mps=speed,
+        excitation=replace(together, mean_over_interval=whole.mean_over_interval),
+        speed_mps=speed if whole.mean_over_interval else signal.speed_mps[index],
         run_of_row=signal.run_of_row[index],
     )
 
@@ -170,7 +173,7 @@ def wheel_signal(runs: Sequence[Run], wheel: Wheel, baseline: Geometry | None = 
 
     Rows that share a time stamp are one instant: the last of them stands. Speeds from counts or
     positions are means over the interval; so is a reported speed, as docs/DATA_FORMAT.md has it (whatever
-    filter sits on top of it is the fit's to find).
+    filter sits on top of it is the fit's to find), unless its runs were found to say otherwise.
     """
     if not runs:
         raise IdentifyError("there is no run to fit")
@@ -206,8 +209,10 @@ def wheel_signal(runs: Sequence[Run], wheel: Wheel, baseline: Geometry | None = 
     t, effort, supply_all, speed_all = (
         np.ascontiguousarray(np.concatenate([piece[k] for piece in pieces])) for k in range(4)
     )
+    driven = excitation(t, effort, supply_all, np.array(starts, dtype=np.int64), np.array(intervals))
+    instant = sources == {"vel"} and all(run.instant for run in runs)
     return WheelSignal(
-        excitation(t, effort, supply_all, np.array(starts, dtype=np.int64), np.array(intervals)),
+        replace(driven, mean_over_interval=not instant),
         speed_all,
         np.concatenate(run_of_row),
         tuple(run.name for run in runs),

@@ -109,7 +109,8 @@ class Response:
         before_rows = rows_before(t_s, level)
         before = steady_mps - change_mps
         # A mean over an interval stands for the speed at its middle.
-        times = np.concatenate(([0.0], 0.5 * (t_s[rows - 1] + t_s[rows]) - level.start_s))
+        at_s = t_s[rows] if run.instant else 0.5 * (t_s[rows - 1] + t_s[rows])
+        times = np.concatenate(([0.0], at_s - level.start_s))
         gone = np.concatenate(([0.0], (speed.values[rows] - before) / change_mps))
         known = [item for item in (noise, noise_before) if item is not None]
         # A wheel that comes to rest has no noise there, but had it on the way.

@@ -101,6 +101,7 @@ class Run:
     text_columns : unknown columns that do not hold numbers, as they stand.
     order : all column names in the file's order.
     axis : where it is one motor or axis: both sides hold its numbers (see `recording.axis`).
+    instant : its speeds were read at the rows' times, not averaged over the rows (`identify.row_sampling`).
     """
 
     name: str
@@ -112,6 +113,7 @@ class Run:
     metadata: RunMetadata | None = None
     warnings: tuple[str, ...] = ()
     axis: Axis | None = None
+    instant: bool = False
 
     def __len__(self) -> int:
         return len(self.t_s)

@@ -2,53 +2,24 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
+
 import pytest
 
 from support import recorded_sets
+from support.read_speeds import FRICTION, NOISE_MPS, recorded
 from truing.diagnose.diagnosis_input import Options
 from truing.diagnose.engine import diagnose
 from truing.diagnose.present.text import recorder_lines
 from truing.diagnose.result import Diagnosis
-from truing.recording.run import RecordingSet, Run
 
-FRICTION, NOISE_MPS = 0.05, 0.003
-SUBSTEPS = 20
 STARTS_IN_MOTION = 45  # rows that are cut off, s times the rate
-
-
-def wheel_speeds(effort: np.ndarray, *, instant: bool) -> np.ndarray:
-    """Speeds (n, 2) of a first-order robot with dry friction, a row's effort being that up to its time."""
-    step_s = 1.0 / recorded_sets.RATE_HZ / SUBSTEPS
-    share = 1.0 - np.exp(-step_s / recorded_sets.TAU_S)
-    speed, rows = np.zeros(2), [np.zeros(2)]
-    for row in effort[1:]:
-        within = []
-        for _ in range(SUBSTEPS):
-            before, direction = speed, np.where(speed != 0.0, np.sign(speed), np.sign(row))
-            stuck = (before == 0.0) & (np.abs(row) <= FRICTION)
-            goal = np.where(stuck, 0.0, recorded_sets.GAIN_MPS * (row - FRICTION * direction))
-            after = before + (goal - before) * share
-            speed = np.where((before * after < 0.0) & (np.abs(row) <= FRICTION), 0.0, after)
-            within.append(0.5 * (before + speed))
-        rows.append(speed if instant else np.mean(within, axis=0))
-    return np.array(rows)
 
 
 def diagnosed(*, instant: bool, cut: int = 0) -> Diagnosis:
     """The diagnosis of four runs that hold speeds and nothing else of the motion."""
-    rng = np.random.default_rng(7)
-    runs = []
-    for number in range(1, 5):
-        values = recorded_sets.columns(number)
-        effort = np.stack([values["effort_left"], values["effort_right"]], axis=1)
-        speed = wheel_speeds(effort, instant=instant)
-        speed += NOISE_MPS * rng.standard_normal(speed.shape)
-        columns = {"t_s": values["t_s"], "effort_left": effort[:, 0], "effort_right": effort[:, 1]}
-        columns |= {"vel_left_mps": speed[:, 0], "vel_right_mps": speed[:, 1]}
-        kept = {name: column[cut:].copy() for name, column in columns.items()}
-        runs.append(Run(f"{number:02d}_levels", kept, order=tuple(kept)))
-    return diagnose(RecordingSet("plain", tuple(runs), recorded_sets.baseline()), Options(jobs=1))
+    recordings = replace(recorded(instant=instant, cut=cut), baseline=recorded_sets.baseline())
+    return diagnose(recordings, Options(jobs=1))
 
 
 @pytest.mark.parametrize(

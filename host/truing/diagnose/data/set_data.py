@@ -226,6 +226,7 @@ def set_data(
             f"{recordings.name}: there is no baseline to compare with", "Give --model a baseline.toml"
         )
     source = _speed_source(recordings, baseline)
+    instant = source == "vel" and all(run.instant for run in recordings.runs)
     joined = join_runs(recordings.runs)
     runs, starts, interval_s = joined.runs, joined.starts, joined.interval_s
     t_s = joined.join([run.t_s for run in runs])
@@ -258,7 +259,7 @@ def set_data(
         stands_for=_rows_of_measurements(joined, repeated),
         source=source,
         resolution_mps=_resolution(joined, baseline, source, travel),
-        initial_mps=initial_speeds(t_s, effort, speed, starts, baseline),
+        initial_mps=initial_speeds(t_s, effort, speed, starts, baseline, instant=instant),
         travel_m=travel,
         angle_rad=angle,
         origin_rad=origin,
@@ -273,6 +274,7 @@ def set_data(
         heading_source=heading_source,
         modes=tuple(run.mode for run in runs),
         commanded=commanded,
+        instant=instant,
     )
 
 
