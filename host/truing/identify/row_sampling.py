@@ -1,8 +1,8 @@
 """Whether speeds were read at the rows' times, or averaged over the rows, as docs/DATA_FORMAT.md has it.
 
 A simulator and many a controller write the speed at a row's time, which is half a row ahead of the mean over
-the row. No physics makes a robot answer sooner, so that the two are told apart by which of them a plain model
-fits better. Where counts or positions are recorded there is nothing to find out: those are means.
+the row. No physics makes a robot answer sooner: the reading under which a plain model fits better is right.
+Where counts or positions are recorded there is nothing to find out: those are means.
 """
 
 from __future__ import annotations
