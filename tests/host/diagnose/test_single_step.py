@@ -22,12 +22,12 @@ SAG, SAG_S = 0.02, 1.5
 
 
 def one_step() -> RecordingSet:
-    """A motor on a bench, 3.85 s at 200 Hz, its speed in coarse steps."""
+    """A motor on a bench, 3.85 s at 200 Hz."""
     t = np.arange(770) * INTERVAL_S
     effort = np.where(t > 0.2, STEP, 0.0)
-    since = np.maximum(t - 0.2 - DELAY_S, 0.0)
+    since = np.maximum(t - 0.5 * INTERVAL_S - 0.2 - DELAY_S, 0.0)
     speed = GAIN_MPS * STEP * (1.0 - np.exp(-since / TAU_S)) * (1.0 + SAG * np.exp(-since / SAG_S))
-    speed = np.round(speed + 0.008 * np.random.default_rng(1).standard_normal(len(t)), 2)
+    speed = np.round(speed + 0.004 * np.random.default_rng(1).standard_normal(len(t)), 3)
     columns = {"t_s": t, "effort_left": effort, "effort_right": effort}
     columns |= {"vel_left_mps": speed, "vel_right_mps": speed}
     return RecordingSet("step", (Run("01_step", columns, order=tuple(columns)),))
