@@ -339,7 +339,7 @@ def test_the_next_run_gets_the_next_number(tmp_path: Path) -> None:
     assert next_run_path(tmp_path, "step").name == "10_step.csv"
 
 
-def test_a_hundred_thousand_rows_are_read_within_two_seconds_of_computing(tmp_path: Path) -> None:
+def test_a_hundred_thousand_rows_are_read_within_half_a_second_of_computing(tmp_path: Path) -> None:
     import time
 
     n = 100_000
@@ -350,7 +350,7 @@ def test_a_hundred_thousand_rows_are_read_within_two_seconds_of_computing(tmp_pa
     path = write_run(Run("fast", columns), tmp_path / "fast.csv")
     start = time.process_time()
     assert len(read_run(path)) == n
-    assert time.process_time() - start < 2.0
+    assert time.process_time() - start < 0.5
 
 
 def test_a_baseline_is_read_with_its_geometry_and_effects(tmp_path: Path) -> None:
@@ -406,7 +406,7 @@ def test_every_real_recording_is_read(recordings: Path) -> None:
 def test_damaged_files_are_read_or_refused_and_never_crash(tmp_path: Path) -> None:
     rng = np.random.default_rng(2023)
     whole = write_run(FirstOrderRobot().drive(TEST_XI), tmp_path / "whole.csv").read_bytes()
-    refused = 0
+    refused = agreed = 0
     for _ in range(300):
         data = bytearray(whole)
         for _ in range(int(rng.integers(1, 6))):
@@ -420,8 +420,54 @@ def test_damaged_files_are_read_or_refused_and_never_crash(tmp_path: Path) -> No
                     data[place:place] = rng.choice([b"1e400", b",", b"\n", b'"', b"-", b"\x00"])
         file = tmp_path / "damaged.csv"
         file.write_bytes(bytes(data))
-        try:
-            read_run(file)
-        except RecordingError:
-            refused += 1
+        quoted = tmp_path / "quoted.csv"
+        quoted.write_bytes(bytes(data).replace(b"t_s", b'"t_s"', 1))
+        found = reading_of(file)
+        refused += isinstance(found, str)
+        other = reading_of(quoted)
+        agreed += found == other or (isinstance(found, str) and isinstance(other, str))
     assert 100 < refused < 300
+    assert agreed == 300
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "{t},effort,0.1,0.1,1_0,2,nan,",
+        "{t},effort,0.1,0.1,10, 2 ,nan,7",
+        "{t}, velocity ,1e-1,+.1,10,2,inf,7",
+        "{t},idle,0.1,0.1,10,2,nan,word",
+        "{t},effort,0.1,0.1,10,2,1,#7",
+        "{t},effort,0.1,0.1,10,2,1_0,7",
+        "{t},effort,0.1,0.1,\u0661\u0660,2,1,7",
+        "{t},effort,0.1,0.1,1e999,2,1,7",
+        "{t},effort,0.1,0.1,10\x1f,2,1,7",
+        "{t},sleep,0.1,0.1,10,2,1,7",
+        "{t},effort,0.1,0.1,10,2,1,7,8",
+        "{t},effort,0.1,0.1,10,2,1,7\n",
+        "{t},effort,0.1,0.1,10,2,1,7\n   ",
+        "",
+    ],
+)
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_numbers_are_the_same_parsed_as_a_block_and_cell_by_cell(tmp_path: Path, row: str, end: str) -> None:
+    """A quote in the header makes the reader take the file cell by cell."""
+    header = "t_s,mode,effort_left,effort_right,ticks_left,ticks_right,own,other"
+    plain = "{t},effort,0.1,0.1,10,2,0.30000000000000004,-7e-3"
+    lines = [header, *((row if k == 12 else plain).format(t=0.1 * k) for k in range(25)), ""]
+    text = end.join(lines)
+    file, quoted = tmp_path / "run.csv", tmp_path / "quoted" / "run.csv"
+    quoted.parent.mkdir()
+    file.write_text(text, encoding="utf-8", newline="")
+    quoted.write_text(text.replace("t_s", '"t_s"', 1), encoding="utf-8", newline="")
+    assert reading_of(file) == reading_of(quoted)
+
+
+def reading_of(file: Path) -> object:
+    """All that a run holds, or what is said of its file."""
+    try:
+        run = read_run(file)
+    except RecordingError as error:
+        return str(error).replace(str(file), "")
+    columns = {name: column.tobytes() for name, column in run.columns.items()}
+    return columns, run.order, run.mode, run.text_columns

@@ -7,15 +7,16 @@ import io
 import json
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from truing.arrays import FloatArray
 from truing.errors import FileError, RecordingError
-from truing.recording.axis import as_wheels, axis_of, names_of_wheels
+from truing.recording.axis import Axis, as_wheels, axis_of, names_of_wheels
 from truing.recording.baseline import Baseline, read_baseline
 from truing.recording.effort_convention import read_effort_acts, with_effort_before
+from truing.recording.plain_table import parse_plain
 from truing.recording.run import (
     MINIMUM_ROWS,
     MODES,
@@ -40,7 +41,40 @@ def read_run(path: str | Path) -> Run:
         Naming the file, and where it applies the column and the row.
     """
     path = Path(path)
-    rows, numbers_ok = _split(path, _read_text(path))
+    data = _read_bytes(path)
+    header, columns, text_columns, mode, axis = _plain_columns(path, data) or _cell_by_cell(path, data)
+    check_time(path, columns["t_s"])
+    metadata, warnings = _read_metadata(path)
+    if axis is not None:
+        columns = as_wheels(columns)
+        header = list(columns)
+    return Run(path.stem, columns, mode, text_columns, tuple(header), path, metadata, warnings, axis)
+
+
+_Columns: TypeAlias = tuple[
+    list[str], dict[str, FloatArray], dict[str, tuple[str, ...]], tuple[str, ...] | None, Axis | None
+]
+
+
+def _plain_columns(path: Path, data: bytes) -> _Columns | None:
+    """Columns of a file of numbers; None where a cell needs a closer look."""
+    parsed = parse_plain(data)
+    if parsed is None:
+        return None
+    header, numbers, mode = parsed
+    axis = axis_of(header)
+    check_header(path, header if axis is None else names_of_wheels(header))
+    columns = {name: column for name, column in zip(header, numbers, strict=True) if name != "mode"}
+    known = known_columns(axis)
+    finite = all(np.isfinite(column).all() for name, column in columns.items() if name in known)
+    if not finite or len(columns["t_s"]) < MINIMUM_ROWS:
+        return None
+    return header, columns, {}, mode, axis
+
+
+def _cell_by_cell(path: Path, data: bytes) -> _Columns:
+    """Columns of any file; what is wrong with it is named by column and row."""
+    rows, numbers_ok = _split(path, _decoded(path, data))
     header = [cell.strip() for cell in rows[0]]
     axis = axis_of(header)
     check_header(path, header if axis is None else names_of_wheels(header))
@@ -60,12 +94,7 @@ def read_run(path: str | Path) -> Run:
                 text_columns[name] = cells
             else:
                 columns[name] = unknown
-    check_time(path, columns["t_s"])
-    metadata, warnings = _read_metadata(path)
-    if axis is not None:
-        columns = as_wheels(columns)
-        header = list(columns)
-    return Run(path.stem, columns, mode, text_columns, tuple(header), path, metadata, warnings, axis)
+    return header, columns, text_columns, mode, axis
 
 
 def read_recording_set(path: str | Path, model: str | Path | None = None) -> RecordingSet:
@@ -123,13 +152,16 @@ def _find_baseline(path: Path, model: str | Path | None) -> Baseline | None:
     return None
 
 
-def _read_text(path: Path) -> str:
+def _read_bytes(path: Path) -> bytes:
     try:
-        data = path.read_bytes()
+        return path.read_bytes()
     except FileNotFoundError:
         raise FileError(path, "no such file") from None
     except OSError as error:
         raise FileError(path, f"cannot be read: {error.strerror}") from None
+
+
+def _decoded(path: Path, data: bytes) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

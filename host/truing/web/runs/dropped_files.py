@@ -21,7 +21,8 @@ from starlette.requests import ClientDisconnect
 from truing.errors import UploadRefusedError
 from truing.web.runs.library import safe_name
 
-# A recording is read as a whole, and takes about fourteen times its size in memory meanwhile.
+# A recording is read as a whole: numbers take about three times the file's size in memory meanwhile, a file
+# with quotes, words or an error, which is read cell by cell, about fourteen times.
 MAX_BYTES = 200_000_000
 ADDRESS = "/dropped"
 _INCOMING = ".incoming"
