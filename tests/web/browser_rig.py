@@ -14,7 +14,7 @@ from support.served_board import ServedBoard
 from web.view_process import CutLink, ViewProcess
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, Page, Playwright
 
 
 START = "Start in 3 s"
@@ -25,6 +25,30 @@ MARK_FIRST_PICTURE = """(() => { const look = () => {
     const picture = document.querySelector('main canvas, main table tbody tr');
     if (picture?.clientWidth) window.firstMs = performance.now(); else requestAnimationFrame(look);
 }; look(); })()"""
+
+
+# Playwright's own list, which a second one would replace, and two pop-ups of the address bar, which each page
+# would load in a process of its own.
+_NOT_NEEDED = (
+    "AvoidUnnecessaryBeforeUnloadCheckSync,DestroyProfileOnBrowserClose,HttpsUpgrades,LensOverlay,MediaRouter,"
+    "HttpsFirstBalancedModeAutoEnable,PaintHolding,ThirdPartyStoragePartitioning,OptimizationHints,AimEnabled,"
+    "AvoidCorsURLLoaderRestartOnRedirect,NetworkTimeServiceQuerying,PreconnectToSearch,"
+    "WebUIOmniboxPopup,WebUIOmniboxAimPopup"
+)
+
+# In the page itself: a picture at most every 90 ms, as on a slow machine. Thirty a second in software take a
+# fifth of a core; a test that reads numbers and presses keys sees no more of them.
+_FEW_PICTURES = """(() => {
+    const ask = window.requestAnimationFrame.bind(window), forget = window.cancelAnimationFrame.bind(window);
+    const asked = new Map();
+    let last = 0;
+    window.requestAnimationFrame = (draw) => {
+        const id = setTimeout(() => asked.set(id, ask((now) => { asked.delete(id); last = now; draw(now); })),
+            Math.max(0, last + 90 - performance.now()));
+        return id;
+    };
+    window.cancelAnimationFrame = (id) => { clearTimeout(id); forget(asked.get(id)); asked.delete(id); };
+})()"""
 
 
 class Rig:
@@ -45,11 +69,24 @@ class Problems(list[str]):
     """Script errors of a page, and every request that leaves the view."""
 
 
+def start_browser(playwright: Playwright) -> Browser:
+    arguments = ["--no-sandbox", f"--disable-features={_NOT_NEEDED}"]
+    return playwright.chromium.launch(executable_path="/usr/bin/chromium", args=arguments)
+
+
 def open_page(
-    browser: Browser, rig: Rig, problems: Problems, path: str = "", width: int = 1280, height: int = 720
+    browser: Browser,
+    rig: Rig,
+    problems: Problems,
+    path: str = "",
+    width: int = 1280,
+    height: int = 720,
+    every_picture: bool = False,
 ) -> Page:
     page = browser.new_page(viewport={"width": width, "height": height})
     page.set_default_timeout(30_000)
+    if not every_picture:
+        page.add_init_script(_FEW_PICTURES)
     page.on("pageerror", lambda error: problems.append(str(error)))
 
     def asked(request: object) -> None:

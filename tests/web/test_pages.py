@@ -332,5 +332,8 @@ def test_the_world_and_the_robot_are_seen_in_three_dimensions(page):
     page.keyboard.up("ArrowUp")
 
 
-def test_the_page_keeps_thirty_frames_per_second(page):
+def test_the_page_keeps_thirty_frames_per_second(browser, rig, problems):
+    page = open_page(browser, rig, problems, every_picture=True)
     wait(lambda: live(page, "rate") >= 28, "a second of thirty frames")  # type: ignore[operator]
+    page.close()
+    assert not problems
