@@ -29,7 +29,7 @@ EXTRAS = {
     "bags": Extra("reading MCAP files and ROS bags", ("mcap", "rosbags")),
     "plots": Extra("drawing pictures", ("matplotlib",)),
     "foxglove": Extra("serving Foxglove and writing MCAP files", ("foxglove",)),
-    "engines": Extra("running an exported model in a physics engine", ("mujoco",)),
+    "engines": Extra("simulating a robot in a physics engine", ("mujoco",)),
 }
 
 

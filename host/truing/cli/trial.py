@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING
 import click
 
 from truing.cli.app import App, pass_app
+from truing.cli.trial_engine import engine_campaign, engine_trial, refuse_board_options
+from truing.trial.engines import ENGINES
 
 if TYPE_CHECKING:
+    from truing.trial.engines.driving import Mode
     from truing.trial.order import Block
 
 
@@ -19,7 +22,7 @@ if TYPE_CHECKING:
     default="random",
     show_default=True,
     help="What to conceal: random, pair, several, outside, intermittent, none, or effects by name, with "
-    "commas between.",
+    "commas between. In an engine: random, pair, outside, form, none, or the engine's names.",
 )
 @click.option(
     "--seed", type=click.IntRange(0), default=1, show_default=True, help="Decides all that is drawn."
@@ -61,6 +64,19 @@ if TYPE_CHECKING:
     help="Write a campaign's page to this file too.",
 )
 @click.option(
+    "--engine",
+    type=click.Choice(ENGINES),
+    help="Conceal it in a robot that this physics engine simulates, with the engine's own means.",
+)
+@click.option(
+    "--mode",
+    type=click.Choice(["effort", "velocity", "mixed"]),
+    help="With --engine: driven so.  [default: drawn]",
+)
+@click.option(
+    "--rate", type=click.Choice(["20", "50", "200"]), help="With --engine: rows a second.  [default: drawn]"
+)
+@click.option(
     "--out",
     type=click.Path(file_okay=False, path_type=Path),
     help="Folder for recordings and results.  [default: out/trials/...]",
@@ -78,6 +94,9 @@ def command(
     block: Block,
     minutes: float | None,
     table: Path | None,
+    engine: str | None,
+    mode: Mode | None,
+    rate: str | None,
     out: Path | None,
 ) -> None:
     """Conceal an effect in a simulated robot, drive it, diagnose the recordings, then open the sealed answer.
@@ -90,7 +109,20 @@ def command(
       truing trial --effect random --seed 7
       truing trial --effect none --seed 3
       truing trial --campaign 100 --seed 1
+      truing trial --engine mujoco --effect joint_friction --mode effort --rate 50
+      truing trial --engine mujoco --campaign 60 --seed 1
     """
+    weak = None if strength is None else strength == "weak"
+    if engine is not None:
+        refuse_board_options(plans=plans, core=core, block=block)
+        if campaign is not None:
+            engine_campaign(app, engine, campaign, seed, out, jobs=jobs, minutes=minutes, table=table)
+        else:
+            rate_hz = None if rate is None else int(rate)
+            engine_trial(app, engine, effect, seed, out, weak=weak, mode=mode, rate_hz=rate_hz)
+        return
+    if mode is not None or rate is not None:
+        raise click.UsageError("--mode and --rate go with --engine.")
     from truing.virtual.board import require_virtual_board
     from truing.workspace import out_folder
 
@@ -105,7 +137,6 @@ def command(
     folder = out or out_folder() / "trials" / f"{effect.replace(',', '+')}-{seed}"
     for old in folder.glob("*/runs/*.csv"):
         old.unlink()
-    weak = None if strength is None else strength == "weak"
     asked = Asked(effect, seed, plans=plans, weak=weak, core=core, judged=folder / "judged")
     with app.progress("driving") as progress:
         result = run_concealed(

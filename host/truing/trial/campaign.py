@@ -6,11 +6,11 @@ import json
 import os
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from truing.errors import TruingError
 from truing.progress import Progress
@@ -32,7 +32,8 @@ if TYPE_CHECKING:
     from truing.diagnose.result import Diagnosis
 
 MAX_MORE_RUNS = 2
-Run = Callable[[Task, Path], Score]
+TaskT = TypeVar("TaskT", bound=Task)
+Run = Callable[[TaskT, Path], Score]
 
 
 def run_campaign(
@@ -46,7 +47,7 @@ def run_campaign(
     block: Block = "main",
     minutes: float | None = None,
     table: Path | None = None,
-    run: Run | None = None,
+    run: Run[Task] | None = None,
 ) -> list[Score]:
     """Run the trials that `folder` does not hold yet, and write results.json and results.md there.
 
@@ -57,21 +58,38 @@ def run_campaign(
     table : the page goes here too.
     run : another way to run a trial than the product's.
     """
+    wanted = tasks(trials, seed, block)
+    scores = run_tasks(wanted, folder, progress, note, run or run_one, jobs=jobs, minutes=minutes)
+    page = to_markdown(scores, trials=trials, seed=seed, block=block)
+    write_results(folder, json.dumps(to_json(scores), indent=1), page, table)
+    return scores
+
+
+def run_tasks(
+    wanted: Sequence[TaskT],
+    folder: Path,
+    progress: Progress,
+    note: Callable[[str], None],
+    run: Run[TaskT],
+    *,
+    jobs: int | None = None,
+    minutes: float | None = None,
+) -> list[Score]:
+    """Run the tasks that `folder` does not hold yet; return the scores of all that it holds then."""
     folder.mkdir(parents=True, exist_ok=True)
     store = folder / "trials.jsonl"
     done = read_scores(store)
-    wanted = tasks(trials, seed, block)
     todo = [each for each in wanted if (each.effect, each.seed) not in done]
     began = time.monotonic()
-    finished = trials - len(todo)
-    progress(finished / trials)
+    finished = len(wanted) - len(todo)
+    progress(finished / len(wanted))
     workers = jobs or os.cpu_count() or 1
     with ProcessPoolExecutor(max_workers=workers) as pool:
-        running: dict[Future[Score], Task] = {}
+        running: dict[Future[Score], TaskT] = {}
         while todo or running:
             late = minutes is not None and time.monotonic() - began > 60.0 * minutes
             while todo and not late and len(running) < workers:
-                running[pool.submit(run or run_one, todo[0], folder)] = todo[0]
+                running[pool.submit(run, todo[0], folder)] = todo[0]
                 todo.pop(0)
             if not running:
                 break
@@ -79,7 +97,7 @@ def run_campaign(
             for future in ended:
                 each = running.pop(future)
                 finished += 1
-                progress(finished / trials)
+                progress(finished / len(wanted))
                 try:
                     result = future.result()
                 except TruingError as error:
@@ -88,13 +106,15 @@ def run_campaign(
                 done[result.effect, result.seed] = result
                 with store.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(result.to_json()) + "\n")
-    scores = [done[each.effect, each.seed] for each in wanted if (each.effect, each.seed) in done]
-    replace_file(folder / "results.json", (json.dumps(to_json(scores), indent=1) + "\n").encode())
-    page = to_markdown(scores, trials=trials, seed=seed, block=block).encode()
+    return [done[each.effect, each.seed] for each in wanted if (each.effect, each.seed) in done]
+
+
+def write_results(folder: Path, results: str, page: str, table: Path | None) -> None:
+    """Write results.json and results.md, and the page to `table` too."""
+    replace_file(folder / "results.json", (results + "\n").encode())
     for path in (folder / "results.md", table):
         if path is not None:
-            replace_file(path, page)
-    return scores
+            replace_file(path, page.encode())
 
 
 def run_one(each: Task, folder: Path) -> Score:

@@ -8,6 +8,7 @@ for each effect from round to round.
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -46,7 +47,11 @@ class Task:
 
 @functools.cache
 def _kinds(trials: int, block: Block) -> tuple[str, ...]:
-    shares = _shares(block)
+    return shared_out(_shares(block), trials)
+
+
+def shared_out(shares: Mapping[str, int], trials: int) -> tuple[str, ...]:
+    """Return the kinds of a campaign's trials in order: none ever lags its share by more than one trial."""
     total = sum(shares.values())
     counts = dict.fromkeys(shares, 0)
     kinds = []
