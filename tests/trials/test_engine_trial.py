@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import importlib.util
 import json
 from pathlib import Path
@@ -12,11 +13,12 @@ import pytest
 from support.pretended_trials import pretended_in_engine
 from truing.cli import main
 from truing.diagnose.catalogue import Catalogue
-from truing.errors import LibraryMissingError, TruingError
+from truing.errors import LibraryMissingError, TruingError, WeakEffectError
 from truing.recording.reader import read_recording_set
 from truing.trial.concealed import run_concealed
 from truing.trial.engines import load_engine
 from truing.trial.engines.asked import EngineAsked
+from truing.trial.engines.builder import prepare
 from truing.trial.engines.campaign import run_engine_campaign
 from truing.trial.engines.driving import Mode, PlanDriver, draw_plans
 from truing.trial.engines.nominal import draw_nominal
@@ -105,6 +107,14 @@ def test_effects_of_one_name_or_the_same_means_are_no_pair() -> None:
         draw_engine_trial("mujoco", effects, "glue", 1)
 
 
+def test_a_pair_of_which_one_effect_hides_the_other_is_no_trial() -> None:
+    drawn = draw_engine_trial(
+        "mujoco", MUJOCO.effects, "low_grip,actuator_filter", 2, mode="effort", rate_hz=50
+    )
+    with pytest.raises(WeakEffectError, match="low_grip: beside actuator_filter"):
+        prepare(MUJOCO, dataclasses.replace(drawn, wanted=(1.2, 8.0)))
+
+
 def test_without_the_engine_the_extra_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -141,7 +151,7 @@ def test_the_page_has_every_figure_with_its_bounds_and_every_trial(tmp_path: Pat
     )  # fmt: skip
     page = table.read_text()
     assert all(share.row() in page for share in shares(scores))
-    assert all(f"--effect {each.effect} --seed {each.seed} " in page for each in scores)
+    assert all(f"| {each.effect} | {each.seed} |" in page for each in scores)
     assert "300 trials are wanted; this page rests on 20." in page
     assert f"--campaign 20 --seed 1 --table {table}" in page
     written = json.loads((tmp_path / "results.json").read_text())["trials"]

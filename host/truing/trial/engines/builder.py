@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from truing.arrays import FloatArray
+from truing.errors import WeakEffectError
 from truing.progress import Progress
 from truing.recording.writer import replace_file, write_run
 from truing.trial.engines.driving import PlanDriver
@@ -17,6 +19,7 @@ from truing.trial.engines.engine import Engine, Motion
 from truing.trial.engines.spec import EngineTrial, trial_json
 from truing.trial.engines.strength import (
     Closeness,
+    added_mps,
     closeness,
     find_raw,
     noise_mps,
@@ -79,6 +82,8 @@ def prepare(engine: Engine[Any], trial: EngineTrial) -> Prepared:
         robot = engine.effects[name].apply(robot, value, trial.rng_of(number))
         raw.append(value)
         strengths.append(reached)
+    if len(trial.names) > 1:
+        _require_visible_together(engine, trial, raw, robot, noise)
     return Prepared(
         engine, trial, robot, tuple(raw), tuple(strengths), noise, closeness(quiet, trial.nominal)
     )
@@ -102,6 +107,35 @@ def _strength(
 
     inside = min(max(wanted, trial.limits[0] * 1.1), trial.limits[1] / 1.1)
     return find_raw(effect.name, measure, inside, trial.limits, effect.start)
+
+
+def _require_visible_together(
+    engine: Engine[Any], trial: EngineTrial, raw: Sequence[float], both: Any, noise: float
+) -> None:
+    """Refuse a pair of which one effect hides the other: a slow actuator leaves low grip nothing to slip.
+
+    Raises
+    ------
+    WeakEffectError : what one adds to the other is less than the noise.
+    """
+    together = _drive(engine, trial, both, disturbed=False)
+    efforts = [_Replay(motion.effort) for motion in together]
+    for number, name in enumerate(trial.names):
+        other = 1 - number
+        effect = engine.effects[trial.names[other]]
+        robot = effect.apply(engine.healthy(trial.nominal), raw[other], trial.rng_of(other))
+        without = engine.simulate(robot, efforts)
+        recorder = trial.recorder
+        if engine.effects[name].domain == "pose":
+            added = pose_strength(
+                together, trial.nominal, recorder.truth_mm, recorder.truth_mrad, beside=without
+            )
+        else:
+            added = added_mps(together, without, trial.nominal) / noise
+        if added < trial.limits[0]:
+            raise WeakEffectError(
+                f"{name}: beside {trial.names[other]} it adds {added:.2f} of the noise", "take another seed"
+            )
 
 
 def _drive(engine: Engine[Any], trial: EngineTrial, robot: Any, *, disturbed: bool) -> list[Motion]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -15,14 +16,19 @@ from truing.trial.score import Score
 
 WANTED_TRIALS = 300
 FULL = 1.0
-_ABOUT = """The robots, their motors and contacts and what is hidden in them are the engine's
-(`host/truing/trial/engines`). The answer is sealed before the robot moves and opened after the verdict;
-nothing in the diagnosis was tuned to these robots, and it reads only the recordings."""
-_SETS = """Each set has eight runs of about six seconds (steps, reversals, ramps, turns, one wheel,
-headings, creeping, random), in effort mode, in velocity mode or run by run in turn, at 20, 50 or 200
-rows a second. Encoders count whole counts, a small random torque disturbs the axles, and the baseline's
-numbers are up to 8 % off. S is the RMS that an effect leaves in speeds over 50 ms when gain and time
-constant are refitted, over that noise: full strength is 1 to 8, weak 0.3 to 1."""
+_WIDTH = 128
+_ABOUT = (
+    "The robots, their motors and contacts and what is hidden in them are the engine's "
+    "(`host/truing/trial/engines`). The answer is sealed before the robot moves and opened after the "
+    "verdict; nothing in the diagnosis was tuned to these robots, and it reads only the recordings."
+)
+_SETS = (
+    "Each set has eight runs of about six seconds (steps, reversals, ramps, turns, one wheel, headings, "
+    "creeping, random), in effort mode, in velocity mode or run by run in turn, at 20, 50 or 200 rows a "
+    "second. Encoders count whole counts, a small random torque disturbs the axles, and the baseline's "
+    "numbers are up to 8 % off. S is the RMS that an effect leaves in speeds over 50 ms when gain and "
+    "time constant are refitted, over that noise: full strength is 1 to 8, weak 0.3 to 1."
+)
 # Normal quantile of 95 % bounds.
 _Z = 1.959964
 
@@ -137,17 +143,20 @@ def to_markdown(engine: Engine[Any], scores: Sequence[Score], *, trials: int, se
         [
             "# Proof on physics that this project did not write",
             "",
-            f"{len(scores)} concealed trials in {versions}. {_ABOUT}",
+            _wrapped(f"{len(scores)} concealed trials in {versions}. {_ABOUT}"),
             *(["", caution] if short else []),
             "",
             "```",
             command,
             "```",
             "",
-            "makes this page again (it goes on where it was stopped); one of its trials is made by",
-            f"`./run truing trial --engine {engine.name}` with the options of its line in the last table.",
+            _wrapped(
+                "makes this page again (it goes on where it was stopped); "
+                f"`./run truing trial --engine {engine.name} --effect E --seed S --mode M --rate R` with a "
+                "line of the last table makes one of them (with `--strength`, where it has one)."
+            ),
             "",
-            _SETS,
+            _wrapped(_SETS),
             "",
             "## Figures",
             "",
@@ -174,8 +183,8 @@ def to_markdown(engine: Engine[Any], scores: Sequence[Score], *, trials: int, se
             *_not_right(scores),
             "## Every trial",
             "",
-            "| options | hidden (S) | verdict | right |",
-            "| --- | --- | --- | --- |",
+            "| E | S | M | R | strength | hidden (S) | verdict | right |",
+            "| --- | --- | --- | --- | --- | --- | --- | --- |",
             *(_trial_row(each) for each in scores),
             "",
         ]
@@ -189,10 +198,12 @@ def _closeness(scores: Sequence[Score]) -> list[str]:
     parts = np.array([each.measured["healthy_share"] for each in scores]) * 100.0
     over = np.array([each.measured["healthy_mps"] / each.measured["noise_mps"] for each in scores])
     return [
-        "The healthy robots are close to the baseline's form: the free-run error of the first-order model",
-        f"that fits each best, without noise, is {np.median(errors):.2f} mm/s (median; {errors.max():.2f} at",
-        f"worst), {np.median(parts):.3f} % of full speed ({parts.max():.3f} %) and {np.median(over):.2f} of",
-        f"the noise ({over.max():.2f}).",
+        _wrapped(
+            "The healthy robots are close to the baseline's form: the free-run error of the first-order "
+            f"model that fits each best, without noise, is {np.median(errors):.2f} mm/s (median; "
+            f"{errors.max():.2f} at worst), {np.median(parts):.3f} % of full speed ({parts.max():.3f} %) and "
+            f"{np.median(over):.2f} of the noise ({over.max():.2f})."
+        ),
         "",
     ]
 
@@ -223,12 +234,10 @@ def _by_effect(engine: Engine[Any], scores: Sequence[Score]) -> list[str]:
     rows = []
     for name, group in sorted(groups.items()):
         means, known = _means(engine, name)
-        said = Counter(f"{one.verdict}: {', '.join(one.said) or '-'}" for one in group)
-        told = "; ".join(f"{text} ({number})" for text, number in said.most_common())
+        said = Counter(one.verdict for one in group)
+        told = ", ".join(f"{kind} {number}" for kind, number in said.most_common())
         right = sum(one.right for one in group)
-        # What pairs got stands in the last table.
-        shown = "" if name == "two effects" else told
-        rows.append(f"| {name} | {means} | {known} | {len(group)} | {right} | {shown} |")
+        rows.append(f"| {name} | {means} | {known} | {len(group)} | {right} | {told} |")
     return rows
 
 
@@ -275,13 +284,12 @@ def _not_right(scores: Sequence[Score]) -> list[str]:
     wrong = [each for each in scores if not each.right or each.confidently_wrong]
     if not wrong:
         return []
-    return ["## Not right", "", *(f"- `{_options(each)}`: {_told(each)}" for each in wrong), ""]
+    lines = [line for each in wrong for line in (f"- seed {each.seed}, {each.driving}: {_told(each)}",)]
+    return ["## Not right", "", *(_wrapped(line, indent="  ") for line in lines), ""]
 
 
-def _options(each: Score) -> str:
-    mode, rate, _ = each.driving.split(" ")
-    strength = {None: "", True: " --strength weak", False: " --strength full"}[each.weak]
-    return f"--effect {each.effect} --seed {each.seed} --mode {mode} --rate {rate}{strength}"
+def _wrapped(text: str, indent: str = "") -> str:
+    return textwrap.fill(text, _WIDTH, subsequent_indent=indent, break_on_hyphens=False)
 
 
 def _hidden(each: Score) -> str:
@@ -297,5 +305,15 @@ def _told(each: Score) -> str:
 
 
 def _trial_row(each: Score) -> str:
-    verdict = f"{each.verdict}: {', '.join(each.said) or '-'}"
-    return f"| `{_options(each)}` | {_hidden(each)} | {verdict} | {'yes' if each.right else 'no'} |"
+    mode, rate, _ = each.driving.split(" ")
+    strength = {None: "", True: "weak", False: "full"}[each.weak]
+    cells = [each.effect, str(each.seed), mode, rate, strength, _hidden(each)]
+    said = list(each.said)
+    while True:
+        more = len(each.said) - len(said)
+        names = ", ".join(said) + (f" and {more} more" if more else "")
+        verdict = f"{each.verdict}: {names or '-'}"
+        row = "| " + " | ".join([*cells, verdict, "yes" if each.right else "no"]) + " |"
+        if len(row) <= _WIDTH or not said:
+            return row
+        said.pop()

@@ -51,6 +51,12 @@ def closeness(motions: Sequence[Motion], nominal: NominalRobot) -> Closeness:
     return Closeness(rms, rms / float(np.mean(gains)), gains, constants)
 
 
+def added_mps(both: Sequence[Motion], one: Sequence[Motion], nominal: NominalRobot) -> float:
+    """RMS of what an effect adds to another one under the same efforts, each refitted."""
+    apart = [_refit(both, wheel, nominal)[2] - _refit(one, wheel, nominal)[2] for wheel in (0, 1)]
+    return float(np.sqrt(np.mean(np.square(apart))))
+
+
 def row_speeds(angle_rad: FloatArray, nominal: NominalRobot) -> FloatArray:
     """Mean rim speeds over rows of 50 ms, shape (rows, 2)."""
     speeds: FloatArray = np.diff(angle_rad[::ROW_TICKS], axis=0) * (nominal.radius_m / _ROW_S)
@@ -68,10 +74,22 @@ def noise_mps(seen: Sequence[Motion], quiet: Sequence[Motion], nominal: NominalR
 
 
 def pose_strength(
-    motions: Sequence[Motion], nominal: NominalRobot, truth_mm: float, truth_mrad: float
+    motions: Sequence[Motion],
+    nominal: NominalRobot,
+    truth_mm: float,
+    truth_mrad: float,
+    *,
+    beside: Sequence[Motion] | None = None,
 ) -> float:
-    """S in the pose: what odometry misses in windows of a second, over the noise of the outside pose."""
+    """S in the pose: what odometry misses in windows of a second, over the noise of the outside pose.
+
+    Parameters
+    ----------
+    beside : S of what is missed beyond these motions under the same efforts.
+    """
     missed = np.concatenate([_missed(motion, nominal) for motion in motions])
+    if beside is not None:
+        missed = missed - np.concatenate([_missed(motion, nominal) for motion in beside])
     noise = np.sqrt(2.0) * np.array([truth_mm, truth_mm, truth_mrad]) * 1e-3
     return float(np.max(np.sqrt(np.mean(missed**2, axis=0)) / noise))
 
