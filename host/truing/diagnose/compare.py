@@ -92,13 +92,18 @@ def largest_difference(problem: Problem, one: Fit, other: Fit) -> float:
 
 
 def differences(problem: Problem, one: Fit, other: Fit) -> tuple[float, float, float]:
-    """RMS difference over noise RMS of left speed, right speed, and the most affected pose component."""
+    """RMS difference over noise RMS of left speed, right speed, and the most affected pose component.
+
+    A speed's noise is that of means over some time, not of single rows.
+    """
     out = [0.0, 0.0, 0.0]
     gap = one.residual.speeds - other.residual.speeds
     for wheel in range(2):
         weight = problem.counted[:, wheel]
         total = max(float(weight.sum()), 1.0)
-        out[wheel] = math.sqrt(float(weight @ gap[:, wheel] ** 2) / total) / float(problem.noise.rms[wheel])
+        out[wheel] = math.sqrt(float(weight @ gap[:, wheel] ** 2) / total) / float(
+            problem.noise.compared[wheel]
+        )
     if len(problem.pose_counted):
         pose_gap = one.residual.pose - other.residual.pose
         windows = max(float((problem.pose_counted > 0.0).sum()), 1.0)

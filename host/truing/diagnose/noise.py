@@ -29,6 +29,9 @@ MIN_ORDER, MAX_ORDER = 4, 8
 MEMORY_TAUS = 2.0
 # Correlation of the innovations is followed over so many rows.
 MAX_CORRELATED_ROWS = 60
+# Sizes of effects are compared with the noise of means over this time, s, so that they do not depend on how
+# fast a recorder logs: a speed from whole counts has ten times the noise in rows of 5 ms.
+COMPARED_S = 0.05
 # Relative ridge on the normal equations: keeps them regular for a wheel that hardly moves.
 RIDGE = 1e-6
 
@@ -42,12 +45,14 @@ class Noise:
     lags : shape (2, order); e_k = r_k - sum_j lags[w, j] r_{k-1-j} is white.
     sigma : shape (2,), m/s, RMS of the innovations e.
     rms : shape (2,), m/s, RMS of the noise itself.
+    compared : shape (2,), m/s, RMS of its means over `COMPARED_S`; that of a row where rows are longer.
     memory_s : shape (2,), s, correlation time: the integral of the autocorrelation.
     """
 
     lags: FloatArray
     sigma: FloatArray
     rms: FloatArray
+    compared: FloatArray
     memory_s: FloatArray
 
 
@@ -70,7 +75,7 @@ def lag_index(starts: IntArray, rows: int, lags: IntArray) -> IntArray:
 def white_noise(lagged: IntArray, rms_mps: float) -> Noise:
     """White noise of this size: under it a fit minimises the free-run error itself."""
     rms = np.full(2, rms_mps)
-    return Noise(np.zeros((2, lagged.shape[0])), rms, rms.copy(), np.zeros(2))
+    return Noise(np.zeros((2, lagged.shape[0])), rms, rms.copy(), rms.copy(), np.zeros(2))
 
 
 def estimate_noise(
@@ -100,7 +105,8 @@ def estimate_noise(
     lags = lags_for(interval_s)
     reach = int(lags[-1])
     index = lag_index(starts, len(residual), np.arange(1, reach + 1))
-    noise = Noise(np.zeros((2, len(lags))), np.zeros(2), np.zeros(2), np.zeros(2))
+    noise = Noise(np.zeros((2, len(lags))), np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2))
+    compared_rows = max(round(COMPARED_S / max(interval_s, 1e-6)), 1)
     lag_difference = np.abs(np.subtract.outer(lags, lags))
     for wheel in range(2):
         weight = np.sqrt(counted[:, wheel])
@@ -108,6 +114,8 @@ def estimate_noise(
         r_past, weight_past = np.append(r, 0.0)[index], np.append(weight, 0.0)[index]
         power = max(float(r @ r / max(weight @ weight, 1.0)), floor[wheel] ** 2)
         cross = (r_past @ r) / np.maximum(weight_past @ weight, 1.0)
+        means = _power_of_means(power, cross, compared_rows)
+        noise.compared[wheel] = min(max(np.sqrt(means), floor[wheel] / compared_rows), ceiling[wheel])
         decay = np.exp(-np.arange(1, reach + 1) * interval_s / max(float(decay_s[wheel]), interval_s))
         cross = cross * min(1.0, ceiling[wheel] ** 2 / power)
         covariance = np.concatenate(([power], cross * decay))
@@ -122,6 +130,12 @@ def estimate_noise(
         cutoff = int(np.argmax(correlation < 0.05)) or len(correlation)
         noise.memory_s[wheel] = max(float(correlation[:cutoff].sum()) - 0.5, 0.5) * interval_s
     return noise
+
+
+def _power_of_means(power: float, cross: FloatArray, rows: int) -> float:
+    """Mean square of means over so many rows, from the covariances at lags 1 and more."""
+    lag = np.arange(1, min(rows, len(cross) + 1))
+    return max((power + 2.0 * float((1.0 - lag / rows) @ cross[: len(lag)])) / rows, 0.0)
 
 
 def _correlated_rows(values: FloatArray, starts: IntArray) -> float:

@@ -88,3 +88,19 @@ def test_the_longest_lag_is_the_same_time_at_every_log_rate() -> None:
         assert len(lags) <= 8
         assert lags[0] == 1
         np.testing.assert_allclose(lags[-1] * interval_s, 0.3, atol=0.02)
+
+
+def test_the_noise_that_effects_are_compared_with_does_not_depend_on_the_log_rate() -> None:
+    """Counts that are differenced in rows of 5 ms: ten times the noise of rows of 50 ms, one robot."""
+    count_m, row_s = 1e-4, 0.005
+    rounding = np.random.default_rng(5).uniform(-0.5, 0.5, size=(ROWS + 1, 2)) * count_m
+    rows = np.diff(rounding, axis=0) / row_s
+    noise = estimate_noise(rows, COUNTED, STARTS, row_s, np.full(2, 0.6), FLOOR, NO_CEILING)
+    means = np.diff(rounding[::10], axis=0) / 0.05
+    np.testing.assert_allclose(noise.compared, means.std(axis=0), rtol=0.1)
+    np.testing.assert_allclose(noise.rms, 10.0 * noise.compared, rtol=0.1)
+
+
+def test_rows_longer_than_that_are_compared_as_they_are() -> None:
+    noise = estimated(remembered(0.6), 20.0)
+    np.testing.assert_array_equal(noise.compared, noise.rms)
