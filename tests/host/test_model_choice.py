@@ -78,3 +78,13 @@ def test_structures_share_the_fit_that_they_are_searched_for_from(monkeypatch: p
     for structure in (DELAY, BREAKAWAY, STRUCTURES["offset"], STRUCTURES["drag"]):
         assert fit_structure(shared, structure).structure.free == structure.free
     assert made == [DELAY.free]
+
+
+def test_one_run_gets_a_delay_only_where_it_fits_better() -> None:
+    """Friction and delay were taken of one run whatever they brought."""
+    chosen = {}
+    for delay_s in (0.0, 0.12):
+        run = record(Truth(delay=delay_s, breakaway=0.0), staircase(2), seed=2)
+        steps = [model_ladder.fit_wheel([run], "left", name, baseline()) for name in model_ladder.BASIC]
+        chosen[delay_s] = model_ladder._choose(steps, SharedFits(steps[0].signal)).structure.name
+    assert chosen == {0.0: "friction", 0.12: "delay"}

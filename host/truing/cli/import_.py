@@ -193,7 +193,8 @@ def command(
         following = f"truing diagnose {out} --commanded"
     else:
         following = f"truing identify {out}{_scale_of_counts([run for _, run, _ in written])}"
-    app.say(f"{out}: {len(written)} runs; next: {following}")
+    count = "1 run" if len(written) == 1 else f"{len(written)} runs"
+    app.say(f"{out}: {count}; next: {following}")
 
 
 def _scale_of_counts(runs: Sequence[Run]) -> str:

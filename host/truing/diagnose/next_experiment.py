@@ -76,6 +76,11 @@ def propose(
     comparison = _DriveComparison(explanations, recordings, noise)
     data = comparison.known.data
     limits = limits or Limits(floor_m=max(MIN_FLOOR_M, reach(data)))
+    axis = recordings.axis
+    if axis is not None:
+        limits = replace(
+            limits, alike=True, floor_m=math.inf if axis.motion == "rotation" else limits.floor_m
+        )
     rate = 1.0 / float(np.median(data.interval_s))
     library = list(candidate_plans(comparison.robot(), limits, rate))
     if not library:

@@ -32,11 +32,13 @@ class Limits:
     effort : largest effort, 0 to 1.
     floor_m : how far the robot's centre may get from where it starts, m.
     longest_s : longest run, s.
+    alike : both sides get the same effort: there is one axis, and nothing turns on a floor.
     """
 
     effort: float = 1.0
     floor_m: float = 4.0
     longest_s: float = 60.0
+    alike: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +73,7 @@ class Profile:
 def candidate_plans(robot: Robot, limits: Limits, log_rate_hz: float) -> Iterator[tuple[Profile, Plan]]:
     """Every profile in every size that stays within the limits, as plans that `truing run` takes."""
     for profile in PROFILES:
-        for spin in (False, True) if profile.spins else (False,):
+        for spin in (False, True) if profile.spins and not limits.alike else (False,):
             fitted = 0
             for share in AMPLITUDES:
                 amplitude = share * limits.effort
@@ -111,6 +113,8 @@ def _plan(profile: Profile, steps: list[Step], amplitude: float, spin: bool, rat
 
 def _fits(plan: Plan, robot: Robot, limits: Limits) -> bool:
     if plan.duration_s > limits.longest_s:
+        return False
+    if limits.alike and any(segment.a != segment.b for segment in plan.segments):
         return False
     model = MotionModel(robot.gain_mps, robot.gain_mps, robot.time_constant_s, robot.wheelbase_m)
     need = estimate_floor(plan, model)

@@ -42,8 +42,8 @@ class WheelModels:
     Attributes
     ----------
     steps : the grey-box fits, simplest first; only the chosen one has intervals.
-    chosen : the simplest of them whose error on left-out runs is within 2 % of the lowest; with one
-        run, or with a run that no other can stand in for, friction and delay.
+    chosen : the simplest of them whose error on left-out runs is within 2 % of the lowest; with one run, of
+        the fitted error and up to friction and delay; with a run that no other can stand in for, these.
     arx, state_space : None where they cannot be fitted.
     missing : what could not be done, and why.
     """
@@ -237,7 +237,7 @@ def _choose(steps: list[WheelFit], shared: SharedFits) -> WheelFit:
     """
     plain = next(step for step in steps if step.structure is DELAY)
     if plain.held_out is None:
-        return plain
+        return _choose_by_fit(steps)
     while True:
         # A time constant at the end of what is searched is no estimate, however well it fits.
         sound = [step for step in steps if at_a_bound(step.search) is None] or steps
@@ -255,6 +255,12 @@ def _choose(steps: list[WheelFit], shared: SharedFits) -> WheelFit:
         if new.held_out is None:
             return plain
         steps[steps.index(step)] = new
+
+
+def _choose_by_fit(steps: list[WheelFit]) -> WheelFit:
+    """Where no run can be left out: the simplest up to friction and delay within 2 % of the lowest error."""
+    basic = [step for step in steps if step.structure.name in BASIC]
+    return basic[simplest_good([(step.free_run.rms_mps, len(step.structure.free)) for step in basic])]
 
 
 def _may_change(step: WheelFit, chosen: WheelFit, error_mps: float, best_mps: float) -> bool:

@@ -33,8 +33,12 @@ def _errors(models: SetModels) -> PlainTable:
         table.remarks += [f"! {wheel.wheel}: {note}" for note in (*wheel.chosen.notes, *wheel.missing)]
     table.remarks += [f"! {side}: not fitted: {reason}" for side, reason in models.refused.items()]
     table.remarks += [f"! {note}" for note in models.notes]
-    table.remarks.append("* chosen: the simplest within 2 % of the lowest error on left-out runs.")
     judged = [step.held_out is not None for wheel in models.wheels for step in wheel.steps]
+    table.remarks.append(
+        "* chosen: the simplest within 2 % of the lowest error on left-out runs."
+        if any(judged)
+        else "* chosen: the simplest of linear, friction and delay within 2 % of their lowest error."
+    )
     if any(judged) and not all(judged):
         table.remarks.append(
             f"{NONE} under left-out runs: not simulated, the error on the fitted runs already rules it out."

@@ -140,8 +140,9 @@ def _lacking(models: SetModels) -> str:
         named = {side: STRUCTURE_WORDS.get(name, "nothing") for side, name in structures.items()}
         missing = ", ".join(f"{words} ({side})" for side, words in named.items())
     start, end = wheels_text(before, "%", 2), wheels_text(after, "%", 2)
+    it = "them" if " and " in missing or len(names) > 1 else "it"
     return (
-        f"A first-order simulation lacks {missing}: with it the error {where} falls from {start} to "
+        f"A first-order simulation lacks {missing}: with {it} the error {where} falls from {start} to "
         f"{end} of the top speed."
     )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
@@ -49,6 +51,14 @@ def test_every_drive_of_the_library_stays_within_its_limits(robot: Robot, floor_
         assert max(max(abs(s.a), abs(s.b)) for s in plan.segments) <= 0.8
         assert estimate_floor(plan, model).radius_m <= floor_m
         assert plan.segments[0].a == plan.segments[-1].b == 0.0, "it begins and ends at rest"
+
+
+@pytest.mark.parametrize("floor_m", [1.0, math.inf])
+def test_a_single_axis_is_asked_for_nothing_that_takes_two_wheels(floor_m: float) -> None:
+    plans = [plan for _, plan in candidate_plans(ROBOT, Limits(floor_m=floor_m, alike=True), 20.0)]
+    assert len(plans) > 5
+    assert all(segment.a == segment.b for plan in plans for segment in plan.segments)
+    assert not any("spot" in plan.title or "half a turn" in plan.title for plan in plans)
 
 
 def test_a_usual_robot_has_every_profile_to_choose_from() -> None:

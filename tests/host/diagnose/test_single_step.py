@@ -60,5 +60,6 @@ def test_without_a_baseline_nothing_is_said_of_numbers_as_given(found: Diagnosis
     said = "\n".join(line for section in sections(found) for line in section.lines)
     assert "as given" not in said
     assert "m/s instead of" not in said
+    assert "on the spot" not in said
     assert "gain and time constant alone" in said
     assert found.verdict != "parameters_only"

@@ -375,7 +375,8 @@ def next_lines(diagnosis: Diagnosis, *, board: bool) -> list[str]:
         lines.append(f"Drive this {seconds:.0f}-second run (--next-run FILE writes it): {title}")
         lines.append(sentence(experiment.why))
     if diagnosis.verdict in ("missing_physics", "partly_explained", "parameters_only"):
-        lines.append("Write the corrected model with --export, for example --export toml:model.toml.")
+        corrected = "corrected model" if diagnosis.has_given else "model"
+        lines.append(f"Write the {corrected} with --export, for example --export toml:model.toml.")
     if board and diagnosis.compensation is not None and diagnosis.compensation.parameters:
         every = list(diagnosis.compensation.parameters)
         names = ", ".join(every) if len(every) <= 4 else f"{every[0]} and {len(every) - 1} more"
