@@ -251,7 +251,7 @@ def read(path: Path) -> dict[tuple[str, str], float]:
     if not path.is_file():
         return {}
     found: dict[tuple[str, str], float] = {}
-    for name, value, waits, unit in ROW.findall(path.read_text()):
+    for name, value, waits, unit in ROW.findall(path.read_text(encoding="utf-8")):
         found[name, unit] = float(value.replace(" ", ""))
         if waits.strip():
             found[name + WAITS, unit] = float(waits.replace(" ", ""))

@@ -52,7 +52,7 @@ def write(path: Path, columns: dict[str, Array]) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     rows = zip(*(values.tolist() for values in columns.values()), strict=True)
     lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
-    path.write_text("\n".join(lines) + "\n")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
 
 

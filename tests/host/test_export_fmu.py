@@ -194,7 +194,7 @@ def test_what_makes_no_sense_is_refused(slave: FMU2Slave, name: str, value: floa
 
 
 def test_a_library_offers_every_function_of_the_standard_and_nothing_else(slave: FMU2Slave) -> None:
-    header = Path(slave.unzipDirectory, "sources", "fmi2.h").read_text()
+    header = Path(slave.unzipDirectory, "sources", "fmi2.h").read_text(encoding="utf-8")
     declared = set(re.findall(r"\b(fmi2[A-Z]\w+)\(", header))
     assert len(declared) == 34, "FMI 2.0 has 24 common functions and 10 for co-simulation slaves"
     listing = subprocess.run(

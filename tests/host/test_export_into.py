@@ -114,7 +114,7 @@ def test_only_numbers_of_the_drive_change_and_a_backup_is_kept(tmp_path: Path) -
     model = tmp_path / "model.toml"
     FOUND.save(model)
     told = call("export", model, "--into", mine)["into"]
-    assert Path(told["backup"]).read_text() == text()
+    assert Path(told["backup"]).read_text(encoding="utf-8") == text()
     before, after = text().splitlines(), mine.read_text().splitlines()
     assert len(before) == len(after)
     changed = [new for old, new in zip(before, after, strict=True) if old != new]

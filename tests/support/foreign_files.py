@@ -73,7 +73,7 @@ def sysid_rows(test: Drive, width: int, time_scale: float = 1.0) -> list[list[fl
 def write_sysid(path: Path, width: int = 9, time_scale: float = 1.0, **more: Any) -> Path:
     """A SysId JSON file of the four tests."""
     data: dict[str, Any] = {test.name: sysid_rows(test, width, time_scale) for test in drives()}
-    path.write_text(json.dumps(data | more))
+    path.write_text(json.dumps(data | more), encoding="utf-8")
     return path
 
 

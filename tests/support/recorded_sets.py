@@ -94,7 +94,7 @@ def write_set(folder: Path, count: int = 4, change: Change | None = None, model:
 def write_csv(path: Path, values: Columns) -> None:
     rows = zip(*(column.tolist() for column in values.values()), strict=True)
     lines = [",".join(values), *(",".join(f"{value:.9g}" for value in row) for row in rows)]
-    path.write_text("\n".join(lines) + "\n")
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def with_speeds(values: Columns, scale: float = 1.0) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 def resident_mb(pid: int) -> float:
     """Resident set of one process."""
-    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
+    for line in Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines():
         if line.startswith("VmRSS:"):
             return int(line.split()[1]) / 1024.0
     raise RuntimeError(f"process {pid} is gone")

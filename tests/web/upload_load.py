@@ -49,7 +49,7 @@ class UploadLoad:
 
 def recording(path: Path, megabytes: float) -> Path:
     """A run of that size."""
-    with path.open("w") as file:
+    with path.open("w", encoding="utf-8") as file:
         file.write(HEADER)
         row = 0
         while file.tell() < 1e6 * megabytes:

@@ -18,6 +18,7 @@ from contextlib import contextmanager
 import click
 
 from truing import __version__
+from truing.cli.plain_console import let_every_sign_be_written
 from truing.errors import TruingError
 
 # What each group of commands is for, their names, and the line that `truing --help` shows.
@@ -152,6 +153,7 @@ def ended_like_ctrl_c() -> Iterator[None]:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line and exit: 0 done, 1 board or link failed, 2 bad input, 130 interrupted."""
+    let_every_sign_be_written()
     try:
         with ended_like_ctrl_c():
             code = group.main(args=arguments, prog_name="truing", standalone_mode=False)
