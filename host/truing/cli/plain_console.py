@@ -1,7 +1,7 @@
 """Output to consoles and pipes whose encoding lacks a sign: a plain word or mark stands for it.
 
-Windows gives a pipe its code page (cp1252, cp437). Python refuses to write what these lack, in the middle of a
-command. (ASCII, which a system without a locale gives, click takes for UTF-8.)
+Windows gives a pipe its code page (cp1252, cp437). Python refuses to write what these lack, in the middle of
+a command. (ASCII, which a system without a locale gives, click takes for UTF-8.)
 """
 
 from __future__ import annotations

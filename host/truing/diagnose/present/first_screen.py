@@ -65,13 +65,12 @@ def _change(before: float, after: float, unit: str) -> str:
 
 
 def _robot(diagnosis: Diagnosis) -> str:
-    """Gain and time constant of each wheel; without them, what was recorded."""
+    """Gain and time constant of each wheel, as far as they are known; without them, what was recorded."""
     if follows_nothing(diagnosis):
         return "its gain is not known, no simulation follows these runs better than one that stands still"
-    gains = _by_wheel(diagnosis.numbers, "gain_mps")
-    times = _by_wheel(diagnosis.numbers, "time_constant_s")
-    if gains and times:
-        return response_text(gains, times)
+    if diagnosis.numbers:
+        gains = _by_wheel(diagnosis.numbers, "gain_mps")
+        return response_text(gains, _by_wheel(diagnosis.numbers, "time_constant_s"))
     runs = f"{len(diagnosis.runs)} runs" if len(diagnosis.runs) != 1 else "one run"
     seconds = sum(float(trace.t_s[-1] - trace.t_s[0]) for trace in diagnosis.traces)
     return f"{runs}, {seconds:.0f} s" if seconds > 0.0 else runs
@@ -88,4 +87,9 @@ def follows_nothing(diagnosis: Diagnosis) -> bool:
 
 
 def _by_wheel(numbers: tuple[WheelNumbers, ...], name: str) -> dict[str, float]:
-    return {entry.wheel: entry.with_effects.value for entry in numbers if entry.name == name}
+    """The known values: a gain or time constant whose interval holds zero is none."""
+    return {
+        entry.wheel: entry.with_effects.value
+        for entry in numbers
+        if entry.name == name and not entry.with_effects.ci95[0] <= 0.0 <= entry.with_effects.ci95[1]
+    }
