@@ -138,8 +138,9 @@ class WheelData:
         """Speed per unit gain, and speed left from the stretch's first row, as rows hold it, shapes (n,)."""
         x = self.interval / time_constant_s
         keep = np.where(self.start, 0.0, np.exp(-x))
-        driven_end = _recursion(keep, np.where(self.start, 0.0, -np.expm1(-x) * self.effort))
-        released_end = _recursion(keep, np.where(self.start, self.speed, 0.0))
+        driven = np.where(self.start, 0.0, -np.expm1(-x) * self.effort)
+        released = np.where(self.start, self.speed, 0.0)
+        driven_end, released_end = _recursion(keep, np.stack([driven, released]))
         if self.instant:
             return driven_end, released_end
         # Mean of an exponential over the interval, per unit of its value at the start.
@@ -151,15 +152,15 @@ class WheelData:
 
 
 def _recursion(keep: FloatArray, add: FloatArray) -> FloatArray:
-    """y[k] = keep[k] y[k-1] + add[k], shape (n,), in log2(n) vector steps.
+    """y[k] = keep[k] y[k-1] + add[k] for each row of `add`, shape (m, n), in log2(n) vector steps.
 
     Composing neighbouring affine maps pairwise costs more arithmetic than a loop, but none of it
     in Python; 0 <= keep <= 1 keeps it stable.
     """
     keep, value = keep.copy(), add.copy()
     shift = 1
-    while shift < value.size and keep.any():
-        value[shift:] += keep[shift:] * value[:-shift]
+    while shift < keep.size and keep.any():
+        value[:, shift:] += keep[shift:] * value[:, :-shift]
         keep[shift:] *= keep[:-shift]
         keep[:shift] = 0.0
         # Below this nothing of the past is left in a double.

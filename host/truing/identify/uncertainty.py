@@ -211,8 +211,8 @@ def fit_noise(noises: Sequence[FloatArray]) -> NoiseModel:
             break
         product, energy = np.zeros(count), np.zeros(count)
         for f, b in zip(forward, backward, strict=True):
-            product += np.sum(f * b, axis=1)
-            energy += np.sum(f**2 + b**2, axis=1)
+            product += np.einsum("kn,kn->k", f, b)
+            energy += np.einsum("kn,kn->k", f, f) + np.einsum("kn,kn->k", b, b)
         reflection = -2.0 * product / np.maximum(energy, TINY)
         # Levinson's step: the filter plus its mirror image, shifted by one.
         mirrored = np.zeros_like(model)
@@ -251,7 +251,7 @@ def _unwhiten(model: FloatArray, values: FloatArray) -> FloatArray:
 
     order = min(int(np.flatnonzero(model)[-1]), len(values) - 1)
     bands = np.repeat(model[: order + 1, None], len(values), axis=1)
-    return np.asarray(solve_banded((order, 0), bands, values))
+    return np.asarray(solve_banded((order, 0), bands, values, check_finite=False))
 
 
 def _block_means(values: FloatArray, block: int) -> FloatArray:
