@@ -11,6 +11,7 @@ import scipy
 from support.foreign_files import drive, drives
 from truing.errors import FileError, RecordingError
 from truing.importers import ImportOptions, import_file, is_foreign
+from truing.importers.tables import read_table
 
 MAPPING = """
 [columns]
@@ -170,3 +171,16 @@ def test_a_mat_file_of_version_7_3_is_refused_with_the_way_out(tmp_path: Path) -
     with pytest.raises(RecordingError, match=r"7\.3") as caught:
         import_file(path)
     assert "-v7" in caught.value.next_step
+
+
+def test_a_table_that_has_changed_is_read_again(tmp_path: Path) -> None:
+    """Proposal, preview and import share what was read; a file that is written meanwhile is another table."""
+    path = tmp_path / "log.csv"
+    path.write_text("time,left,right\n" + "".join(f"{0.1 * k:.1f},1,2\n" for k in range(30)))
+    first = read_table(path)
+    assert read_table(path) is first
+    path.write_text("time,left,right\n" + "".join(f"{0.1 * k:.1f},1,3_0\n" for k in range(30)))
+    again = read_table(path)
+    assert first.numbers["right"][0] == 2.0
+    # float() would take 3_0 for thirty.
+    assert "right" in again.texts

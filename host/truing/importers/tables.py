@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,9 @@ from .text_table import TextTable, read_text_table
 
 # What a pose's columns are called in the joined table: `column_guess` knows them as measured from outside.
 POSE_NAMES = {"x": "truth x", "y": "truth y", "heading": "truth heading"}
+
+# A larger file is read each time, and its table is not kept in memory.
+_KEPT_BYTES = 30_000_000
 
 
 def read_table(path: Path, pose: Path | None = None) -> TextTable:
@@ -39,6 +43,26 @@ def columns_of(table: TextTable) -> dict[str, Any]:
 
 
 def _read(path: Path) -> TextTable:
+    """A file's table; the last ones are kept: proposal, preview and import read the same file."""
+    try:
+        seen = path.stat()
+    except OSError:
+        return _read_file(path)
+    if seen.st_size > _KEPT_BYTES:
+        return _read_file(path)
+    return _read_once(path, seen.st_mtime_ns, seen.st_size, seen.st_ino)
+
+
+@lru_cache(maxsize=4)
+def _read_once(path: Path, *_state: int) -> TextTable:
+    """The same as `_read_file` while time, size and place of the file are the same; nobody may change it."""
+    table = _read_file(path)
+    for values in table.numbers.values():
+        values.flags.writeable = False
+    return table
+
+
+def _read_file(path: Path) -> TextTable:
     from . import matlab
 
     if path.suffix.lower() != ".mat":

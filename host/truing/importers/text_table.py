@@ -220,6 +220,10 @@ def _columns(
     texts: dict[str, tuple[str, ...]] = {}
     iso = set()
     for name, cells in zip(header, zip(*(cells for _, cells in body), strict=True), strict=True):
+        plain = _plain_numbers(cells)
+        if plain is not None:
+            numbers[name] = plain
+            continue
         present = [cell for cell in cells if cell.lower() not in MISSING]
         if present and sum(bool(_ISO.match(cell)) for cell in present) > 0.9 * len(present):
             numbers[name] = np.array([_seconds(cell) for cell in cells])
@@ -232,6 +236,15 @@ def _columns(
             numbers[name] = values
     lines = tuple(number for number, _ in body)
     return TextTable(path, numbers, texts, units, lines, frozenset(iso), tuple(notes))
+
+
+def _plain_numbers(cells: tuple[str, ...]) -> FloatArray | None:
+    """The column where every cell is a number, else None, and each has to be looked at."""
+    try:
+        values = np.fromiter(map(float, cells), dtype=np.float64, count=len(cells))
+    except ValueError:
+        return None
+    return values if np.isfinite(values).all() and not any("_" in cell for cell in cells) else None
 
 
 def _number(cell: str) -> float:
