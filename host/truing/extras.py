@@ -29,6 +29,7 @@ EXTRAS = {
     "bags": Extra("reading MCAP files and ROS bags", ("mcap", "rosbags")),
     "plots": Extra("drawing pictures", ("matplotlib",)),
     "foxglove": Extra("serving Foxglove and writing MCAP files", ("foxglove",)),
+    "bullet": Extra("simulating a robot in Bullet", ("pybullet",)),
     "engines": Extra("simulating a robot in a physics engine", ("mujoco",)),
 }
 

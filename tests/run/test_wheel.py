@@ -271,6 +271,8 @@ def test_the_commands_work_too_and_compiled_code_goes_to_the_users_cache(
         ("bags", ["identify", "drive.bag"]),
         ("foxglove", ["export", "example", "--to", "mcap", "--out", "mcap"]),
         ("foxglove", ["run", "paper/XI", "--yes", "--foxglove"]),
+        ("engines", ["trial", "--engine", "mujoco"]),
+        ("bullet", ["trial", "--engine", "pybullet"]),
     ],
     ids=lambda value: value if isinstance(value, str) else value[0],
 )

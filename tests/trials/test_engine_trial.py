@@ -6,6 +6,7 @@ import dataclasses
 import importlib.util
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,16 +22,21 @@ from truing.trial.engines.asked import EngineAsked
 from truing.trial.engines.builder import prepare
 from truing.trial.engines.campaign import run_engine_campaign
 from truing.trial.engines.driving import Mode, PlanDriver, draw_plans
+from truing.trial.engines.mujoco_effects import EFFECTS as MUJOCO_EFFECTS
+from truing.trial.engines.mujoco_robot import MujocoRobot
 from truing.trial.engines.nominal import draw_nominal
 from truing.trial.engines.order import engine_tasks
 from truing.trial.engines.proof import shares, wilson
+from truing.trial.engines.pybullet_effects import EFFECTS as BULLET_EFFECTS
+from truing.trial.engines.pybullet_robot import BulletRobot
 from truing.trial.engines.scoring import score
-from truing.trial.engines.spec import RATES_HZ, compatible, draw_engine_trial
+from truing.trial.engines.spec import RATES_HZ, Effects, compatible, draw_engine_trial
 from truing.trial.engines.strength import closeness
 from truing.trial.score import Score
 
 MUJOCO = load_engine("mujoco")
-# A tenth of the noise that encoders and disturbance make at the least.
+NOMINAL = draw_nominal(np.random.default_rng(1))
+# Of full speed; encoders and disturbance make 0.1 to 0.8 % of it.
 CLOSE_SHARE = 0.001
 
 
@@ -52,12 +58,16 @@ def test_a_sealed_trial_names_the_joint_friction_that_the_engine_was_given(tmp_p
     assert not any(word in told for word in ("joint_friction", "frictionloss", "mujoco", "coulomb"))
 
 
-@pytest.mark.parametrize(("seed", "mode"), [(0, "effort"), (5, "velocity")])
-def test_the_healthy_robot_is_close_to_the_baselines_form(seed: int, mode: Mode) -> None:
+@pytest.mark.parametrize(
+    ("name", "seed", "mode"), [("mujoco", 0, "effort"), ("mujoco", 5, "velocity"), ("pybullet", 1, "effort")]
+)
+def test_the_healthy_robot_is_close_to_the_baselines_form(name: str, seed: int, mode: Mode) -> None:
+    pytest.importorskip(name)
+    engine = load_engine(name)
     rng = np.random.default_rng(seed)
     nominal = draw_nominal(rng)
     drivers = [PlanDriver(plan, nominal) for plan in draw_plans(rng, nominal, mode)]
-    found = closeness(MUJOCO.simulate(MUJOCO.healthy(nominal), drivers), nominal)
+    found = closeness(engine.simulate(engine.healthy(nominal), drivers), nominal)
     assert found.share < CLOSE_SHARE
     assert found.gain_mps == pytest.approx(nominal.gain_mps, rel=0.002)
     assert found.time_constant_s == pytest.approx(nominal.time_constant_s, rel=0.005)
@@ -78,14 +88,17 @@ def test_what_the_baselines_form_can_follow_leaves_nothing_to_name() -> None:
         assert changed > 0.1, name
 
 
-def test_every_effect_of_the_engine_has_its_name_and_parameters_in_the_catalogue() -> None:
+@pytest.mark.parametrize(
+    ("effects", "healthy"), [(MUJOCO_EFFECTS, MujocoRobot(NOMINAL)), (BULLET_EFFECTS, BulletRobot(NOMINAL))]
+)
+def test_every_effect_of_an_engine_has_its_name_and_parameters_in_the_catalogue(
+    effects: Effects, healthy: Any
+) -> None:
     catalogue = Catalogue()
-    nominal = draw_nominal(np.random.default_rng(1))
-    healthy = MUJOCO.healthy(nominal)
-    for name, effect in MUJOCO.effects.items():
+    for name, effect in effects.items():
         assert (effect.catalogue in catalogue) == (effect.kind == "catalogue"), name
         robot = effect.apply(healthy, 0.4, np.random.default_rng(1))
-        assert robot.mjcf(7) != healthy.mjcf(7) or robot.gravity != healthy.gravity, name
+        assert robot != healthy, name
         expected = effect.expected(robot)
         assert (effect.kind == "catalogue") == bool(expected), name
         assert all(np.isfinite(value) for value in expected.values()), name
@@ -125,6 +138,9 @@ def test_without_the_engine_the_extra_is_named(
     with pytest.raises(LibraryMissingError) as missing:
         load_engine("mujoco")
     assert missing.value.next_step == "pip install 'truing[engines]'"
+    if found("pybullet") is None:
+        with pytest.raises(LibraryMissingError, match="pybullet"):
+            load_engine("pybullet")
     with pytest.raises(SystemExit) as ended:
         main(["trial", "--engine", "mujoco"])
     assert ended.value.code == missing.value.exit_code

@@ -10,7 +10,9 @@ from truing.extras import require
 if TYPE_CHECKING:
     from truing.trial.engines.engine import Engine
 
-ENGINES = ("mujoco",)
+# Each with the extra that brings it.
+_EXTRAS = {"mujoco": "engines", "pybullet": "bullet"}
+ENGINES = tuple(_EXTRAS)
 
 
 def load_engine(name: str) -> Engine[Any]:
@@ -18,11 +20,15 @@ def load_engine(name: str) -> Engine[Any]:
 
     Raises
     ------
-    LibraryMissingError : the extra `engines` is not installed.
+    LibraryMissingError : its extra is not installed.
     """
-    if name not in ENGINES:
+    if name not in _EXTRAS:
         raise TruingError(f"{name}: no engine of that name", f"known: {', '.join(ENGINES)}")
-    require("engines")
+    require(_EXTRAS[name])
+    if name == "pybullet":
+        from truing.trial.engines.pybullet_engine import BulletEngine
+
+        return BulletEngine()
     from truing.trial.engines.mujoco_engine import MujocoEngine
 
     return MujocoEngine()

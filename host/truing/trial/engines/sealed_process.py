@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 
@@ -25,9 +27,22 @@ from truing.trial.seal import seal
 _MAX_SEEDS = 12
 
 
-def _say(**values: Any) -> None:
-    sys.stdout.write(json.dumps(values | {"cpu_s": time.process_time()}) + "\n")
+def _face() -> TextIO:
+    """Standard output as it was; what an engine's library prints there goes nowhere from now on."""
     sys.stdout.flush()
+    face = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.close(nowhere)
+    return face
+
+
+def _sayer(face: TextIO) -> Callable[..., None]:
+    def say(**values: Any) -> None:
+        face.write(json.dumps(values | {"cpu_s": time.process_time()}) + "\n")
+        face.flush()
+
+    return say
 
 
 def seed_of(seed: int, attempt: int) -> int:
@@ -65,21 +80,22 @@ def main() -> int:
     parser.add_argument("--mode", choices=MODES)
     parser.add_argument("--rate", type=int, choices=RATES_HZ)
     given = parser.parse_args()
+    say = _sayer(_face())
     weak = None if given.strength is None else given.strength == "weak"
     try:
         engine = load_engine(given.engine)
         asked = {"weak": weak, "mode": given.mode, "rate_hz": given.rate}
         prepared = prepared_trial(engine, given.effect, given.seed, **asked)
         shown, text = seal(answer_of(prepared))
-        _say(sha256=shown)
-        write_set(prepared, given.folder, lambda share: _say(driven=share))
-        _say(written=str(given.folder))
+        say(sha256=shown)
+        write_set(prepared, given.folder, lambda share: say(driven=share))
+        say(written=str(given.folder))
         for line in sys.stdin:
             if "open" in json.loads(line):
-                _say(sealed=text)
+                say(sealed=text)
                 break
     except TruingError as error:
-        _say(error=error.message, next=error.next_step)
+        say(error=error.message, next=error.next_step)
         return 1
     return 0
 
