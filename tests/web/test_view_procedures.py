@@ -65,21 +65,28 @@ def test_the_feedforward_is_learnt_and_kept_where_the_wheels_follow_better(board
     )
 
 
-def test_a_stopped_tuning_says_so(board, tmp_path):
+def test_a_tuning_that_is_stopped_in_its_last_drive_puts_the_old_parameters_back(board, tmp_path):
     worker, _ = board
+    old = {name: one.value for name, one in worker.parameters.items()}
+    seen = []
     helper = HelperProcess("truing.web.process.simulation_main")
     job = TuningJob(worker, helper)
 
-    def drive_and_stop(request):
+    def drive(request):
         worker.run_plan(request)
-        worker.stop()
+        if request.label == "tune_after":
+            seen.append({name: one.value for name, one in worker.parameters.items()})
+            worker.stop()
 
     try:
-        asyncio.run(job.run(drive_and_stop, tmp_path))
+        asyncio.run(job.run(drive, tmp_path))
     finally:
         helper.close()
     assert job.state.stage == "failed"
     assert "stopped by the user" in job.state.text
+    assert not job.state.parameters
+    assert seen[0] != old  # what was learned had been in force
+    assert {name: one.value for name, one in worker.parameters.items()} == old
 
 
 def test_a_reversed_encoder_is_found_and_put_right(board):

@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from truing.cli.app import App
 from truing.cli.options import board_options
+
+if TYPE_CHECKING:
+    from truing.board.device import Device
+    from truing.identify.feedforward import Tracking
+    from truing.plan import Plan
+    from truing.recording.run import Run
 
 
 @click.command()
@@ -35,34 +43,25 @@ def command(app: App, folder: Path | None, save: bool, yes: bool) -> None:
     from rich.table import Table
 
     from truing.board.state import format_f32
-    from truing.cli.driving import drive_on, warn_and_ask
-    from truing.identify.feedforward import learn, learning_plan, proof_plan, tracking
+    from truing.board.tuning import tune
+    from truing.cli.driving import warn_and_ask
+    from truing.identify.feedforward import learning_plan, proof_plan
 
     with app.open_device(lasting=False) as device:
         parameters = device.parameters()
         for plan in (proof_plan(), learning_plan()):
             warn_and_ask(app, device, parameters, plan, ask=not yes)
         values = {name: parameter.value for name, parameter in parameters.items()}
-        first = drive_on(app, device, parameters, proof_plan(), folder, "tune_before")
-        before = tracking(first.run, values)
-        learned = learn(drive_on(app, device, parameters, learning_plan(), folder, "tune_learning").run)
-        old = {name: values[name] for name in learned}
-        device.set_parameters(learned)
-        try:
-            again = drive_on(app, device, device.parameters(), proof_plan(), folder, "tune_after")
-            after = tracking(again.run, values)
-        except BaseException:
-            device.set_parameters(old)
-            raise
-        better = after.both_mps < before.both_mps
-        if not better:
-            device.set_parameters(old)
-        elif save:
+        result = tune(_Robot(app, device, folder), values, proof_plan(), learning_plan())
+        if result.is_better and save:
             device.save_parameters()
 
+    before, after, better = result.before, result.after, result.is_better
     app.emit(
         {
-            "parameters": {name: {"before": values[name], "after": value} for name, value in learned.items()},
+            "parameters": {
+                name: {"before": old, "after": learned} for name, (old, learned) in result.parameters.items()
+            },
             "tracking_mps": {
                 "before": {"left": before.left_mps, "right": before.right_mps, "both": before.both_mps},
                 "after": {"left": after.left_mps, "right": after.right_mps, "both": after.both_mps},
@@ -72,8 +71,8 @@ def command(app: App, folder: Path | None, save: bool, yes: bool) -> None:
         }
     )
     table = Table("parameter", "before", "learned")
-    for name, value in learned.items():
-        table.add_row(name, format_f32(values[name]), f"{value:.4g}")
+    for name, (old, learned) in result.parameters.items():
+        table.add_row(name, format_f32(old), f"{learned:.4g}")
     app.show(table)
     for side, was, now in (
         ("left", before.left_mps, after.left_mps),
@@ -87,3 +86,41 @@ def command(app: App, folder: Path | None, save: bool, yes: bool) -> None:
         app.say("saved: the board keeps them")
     else:
         app.say("the board holds them until it is switched off\n  next: truing params save")
+
+
+class _Robot:
+    """The robot as a command drives it."""
+
+    def __init__(self, app: App, device: Device, folder: Path | None) -> None:
+        self._app = app
+        self._device = device
+        self._folder = folder
+
+    def drive(self, plan: Plan, label: str) -> Run:
+        """Drive a plan, and return its run."""
+        from truing.cli.driving import drive_on
+
+        return drive_on(self._app, self._device, self._device.parameters(), plan, self._folder, label).run
+
+    def learn(self, run: Run) -> dict[str, float]:
+        """Return the feedforward parameters that a run shows."""
+        from truing.identify.feedforward import learn
+
+        return learn(run)
+
+    def tracking(self, run: Run, parameters: Mapping[str, float]) -> Tracking:
+        """Return the tracking error of a run."""
+        from truing.identify.feedforward import tracking
+
+        return tracking(run, parameters)
+
+    def set_parameters(self, values: Mapping[str, float]) -> None:
+        """Put values into force."""
+        self._device.set_parameters(values)
+
+    def restore_parameters(self, values: Mapping[str, float]) -> None:
+        """Put the old values into force again; another Ctrl-C does not get in between."""
+        from truing.board.drive import Interrupts
+
+        with Interrupts().caught(), self._device.client.uninterrupted():
+            self._device.set_parameters(values)

@@ -94,6 +94,7 @@ class ViewSession:
 
     def close(self) -> None:
         """Stop the wheels, then everything else."""
+        self.tuning.close()
         self.worker.close()
         self.sensing.close()
         self.simulation.close()

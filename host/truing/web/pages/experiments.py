@@ -238,6 +238,8 @@ class _ExperimentsPage:
                 self.procedures.ask_for_check()
             elif self.plan is None:
                 notify("choose a plan first", good=False)
+            elif self.group == "tune" and self.session.tuning.is_running:
+                notify("a tuning is under way: wait until it ends, or press space", good=False)
             elif self.group == "tune":
                 request = RunRequest(self.plan, folder, "tune_before")
                 self.preview.show(request, lambda: self._tune(folder))

@@ -40,7 +40,11 @@ class HelperProcess:
         ------
         TruingError : the error that the process reports, or that it has ended.
         """
-        content = await asyncio.to_thread(self._ask, request)
+        return await asyncio.to_thread(self.answer, request)
+
+    def answer(self, request: dict[str, Any]) -> dict[str, Any]:
+        """The same, for a thread that may wait."""
+        content = self._ask(request)
         if "error" in content:
             raise TruingError(content["error"], content.get("next", ""))
         return content

@@ -51,8 +51,8 @@ class BoardConnection:
                 self._drive(requests.drive)
             if requests.clear_faults:
                 self._device.clear_faults()
-            for call in requests.calls:
-                self._call(call)
+            while requests.calls:
+                self._call(requests.calls.pop(0))
             self._poll()
         except Interrupted:
             return  # a stop arrived during a transfer: the next step executes it first
@@ -61,6 +61,9 @@ class BoardConnection:
         except TruingError as error:
             # The board refused (a fault, a limit): the link is intact, and the page shows the reason.
             self._fail(error)
+        finally:
+            # What a stop or an error kept from its turn: whoever asked still waits for an answer.
+            self._shared.return_calls(requests.calls)
 
     def close(self) -> None:
         """Stop the robot, if the link still works."""

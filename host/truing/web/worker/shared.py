@@ -137,6 +137,11 @@ class SharedState:
         with self._lock:
             self._requests.calls.append(call)
 
+    def return_calls(self, calls: Sequence[BoardCall]) -> None:
+        """Do at the next step what this one did not come to, before anything newer."""
+        with self._lock:
+            self._requests.calls[:0] = calls
+
     @property
     def stop_pending(self) -> bool:
         """Whether a stop has not been acknowledged yet."""
