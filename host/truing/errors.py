@@ -38,6 +38,12 @@ class TruingError(Exception):
         return _copied, (type(self), self.args, self.__dict__)
 
 
+def with_next(error: Exception) -> str:
+    """What went wrong, and what to do about it, as a line of text."""
+    next_step = error.next_step if isinstance(error, TruingError) else ""
+    return f"{error}. Next: {next_step}" if next_step else str(error)
+
+
 def _copied(kind: type[TruingError], args: tuple[object, ...], state: dict[str, object]) -> TruingError:
     error = kind.__new__(kind)
     error.args = args

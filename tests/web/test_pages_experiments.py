@@ -6,6 +6,7 @@ import pytest
 
 from truing.board.parameter_file import read_parameter_file
 from truing.recording.reader import read_run
+from truing.web.process.robot_side import served_robot
 from web.browser_rig import address, go, live, run_to_the_end, start_run, take_control, wait
 from web.synthetic_runs import synthetic_set
 
@@ -69,6 +70,71 @@ def test_a_step_is_driven_and_leads_to_comparison_and_diagnosis(page, browser, r
     page.get_by_role("link", name="Compare", exact=False).last.click()
     page.wait_for_function("document.title.startsWith('Compare')")
     wait(lambda: page.get_by_label("Run", exact=True).input_value() == "04_step", "the run that was driven")
+
+
+def feedforward(page):
+    """The board's feedforward on the Parameters page: in force, and by default; by name."""
+    go(page, "9", "Parameters")
+    page.get_by_label("Search").fill("ff_k")
+    page.get_by_label("Search").press("Tab")
+    rows = page.locator("table.parameters tbody tr", has_text="ff_k")
+    wait(lambda: rows.count() == 12, "twelve parameters")
+    now = {row.locator("th").inner_text(): float(row.locator("input").input_value()) for row in rows.all()}
+    defaults = [float(row.locator("td").nth(3).inner_text()) for row in rows.all()]
+    return now, dict(zip(now, defaults, strict=True))
+
+
+def tune_up_to_its_last_drive(page):
+    go(page, "8", "Experiments")
+    choose(page, "Kind", "Tune the feedforward")
+    page.get_by_text("Steps of speed, forward and back", exact=False).first.wait_for()
+    start_run(page, "Preview and run")
+    for step in (1, 2, 3):
+        page.get_by_text(f"({step} of 3)", exact=False).wait_for(timeout=90_000)
+
+
+def test_the_feedforward_is_tuned_to_the_end_and_put_back_when_stopped(page):
+    tune_up_to_its_last_drive(page)
+    wait(lambda: live(page, "state.task?.stage") == "driving", "the last drive")
+    page.keyboard.press("Space")
+    page.get_by_text("tune_after stopped: stopped by the user", exact=False).wait_for()
+    now, defaults = feedforward(page)
+    assert now == defaults
+    tune_up_to_its_last_drive(page)
+    page.get_by_text("mm/s after: the board holds the new values", exact=False).wait_for(timeout=90_000)
+    rows = page.get_by_role("table", name="Feedforward before and after").locator("tbody tr")
+    learned = {row.split("\t")[0]: row.split("\t")[1:] for row in rows.all_inner_texts()}
+    page.get_by_text("_tune_after is in", exact=False).wait_for()
+    now, _ = feedforward(page)
+    assert now == pytest.approx({name: float(after) for name, (_, after) in learned.items()}, rel=1e-3)
+    page.get_by_role("button", name="Defaults", exact=True).click()
+    wait(lambda: feedforward(page)[0] == defaults, "the defaults")
+
+
+def test_the_wiring_is_checked_to_the_end_and_a_stop_ends_it(page, rig):
+    """The view does not see that this robot is a virtual one: whoever stands beside it turns the wheels."""
+    hand = served_robot(rig.board.tcp)
+    go(page, "8", "Experiments")
+    choose(page, "Kind", "Check the wiring")
+    turned = page.get_by_role("button", name="Turned")
+    for to_the_end in (False, True):
+        page.get_by_role("button", name="Preview and run").click()
+        page.get_by_role("button", name="Start in 3 s").click()
+        for side, name in enumerate(("left", "right")):
+            page.get_by_text(f"Turn the {name} wheel FORWARD by one whole turn", exact=False).wait_for()
+            hand.turn(side)
+            if not to_the_end:
+                page.keyboard.press("Space")
+                break
+            turned.click()
+        wait(lambda: live(page, "state.task?.stage") in ("done", "stopped"), "an end")
+        if not to_the_end:
+            page.get_by_text("the check was stopped. Next: start it again").wait_for()
+            wait(lambda: live(page, "stopDelivered") == live(page, "stopId"), "an acknowledged stop")
+            wait(lambda: not turned.is_visible(), "nobody asked to turn a wheel")
+    page.get_by_text("motors, encoders and counts per revolution are right").wait_for()
+    page.get_by_text("right motor output", exact=False).wait_for()
+    hand.close()
 
 
 def test_parameters_are_changed_compared_saved_to_a_file_and_put_back(page, rig):

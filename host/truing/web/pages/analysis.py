@@ -7,7 +7,7 @@ from typing import Any
 
 from nicegui import background_tasks, context, events, ui
 
-from truing.errors import TruingError
+from truing.errors import TruingError, with_next
 from truing.web.pages.address import Address
 from truing.web.pages.components import HeatMap, Plot
 from truing.web.pages.diagnosis_card import DiagnosisCard
@@ -20,7 +20,6 @@ from truing.web.pages.elements import (
     number,
     set_text,
     tag,
-    with_next,
 )
 from truing.web.pages.live import task_panel
 from truing.web.pages.run_choice import NO_RUNS, RunChoice

@@ -10,9 +10,9 @@ from urllib.parse import urlencode
 
 from nicegui import ui
 
-from truing.errors import TruingError
+from truing.errors import TruingError, with_next
 from truing.plan import load_plan
-from truing.web.pages.elements import action_link, button, heading, notify, set_text, tag, with_next
+from truing.web.pages.elements import action_link, button, heading, notify, set_text, tag
 from truing.web.pages.run_preview import RunPreview
 from truing.web.runs.library import FoundSet
 from truing.web.session import ViewSession
@@ -122,6 +122,9 @@ class DiagnosisCard:
 
     def _start(self) -> None:
         if self.home is None:
+            notify(
+                "there are no runs here yet: drive a plan first, or drop recordings on Compare", good=False
+            )
             return
         try:
             self._session.diagnosis.start(self.home.path, self.home.name)

@@ -9,8 +9,6 @@ from typing import Any
 from nicegui import events, ui
 from nicegui.element import Element
 
-from truing.errors import TruingError
-
 
 class Select:
     """The browser's drop-down list.
@@ -200,12 +198,6 @@ def number(
     # Wide enough for its label, which would be cut.
     field.props("dense outlined dark").style(f"width: {max(106, 34 + 8 * len(label))}px")
     return field
-
-
-def with_next(error: Exception) -> str:
-    """What went wrong, and what to do about it."""
-    next_step = error.next_step if isinstance(error, TruingError) else ""
-    return f"{error}. Next: {next_step}" if next_step else str(error)
 
 
 def notify(text: str, *, good: bool = True) -> None:

@@ -10,7 +10,7 @@ from urllib.parse import urlencode
 
 from nicegui import background_tasks, context, ui
 
-from truing.errors import TruingError
+from truing.errors import TruingError, with_next
 from truing.plan import Plan
 from truing.web.models.run_forecast import forecast
 from truing.web.pages.address import Address
@@ -25,7 +25,6 @@ from truing.web.pages.elements import (
     number,
     set_text,
     tag,
-    with_next,
 )
 from truing.web.pages.live import task_panel
 from truing.web.pages.procedure_panel import ProcedurePanel
@@ -66,6 +65,7 @@ class _ExperimentsPage:
         self.step = _step_of(address.text("height"))
         self.plan: Plan | None = None
         self.new_set = "experiments"
+        self._sets: dict[str, FoundSet] = {}
         self._shown_run = ""
 
     # ---- elements
@@ -121,23 +121,28 @@ class _ExperimentsPage:
             heading("Run")
             with tag("div", classes="row-tight", style="align-items:end"):
                 own = str(self.session.run_folder)
-                self.target = Select(
-                    "Add to set", {own: "this board's own"}, own, lambda _: self._show_name()
-                )
+                self.target = Select("Add to set", {own: "this board's own"}, own, self._choose_target)
                 self.name = ui.input("Name", value=self.new_set).props("dense outlined dark")
                 self.name.style("width:150px").on_value_change(
                     lambda event: setattr(self, "new_set", str(event.value))
                 )
                 button("Preview and run", self.run, strong=True)
-        self._show_name()
+        self.name.set_visibility(False)
 
-    def _show_name(self) -> None:
+    def _choose_target(self, target: str) -> None:
+        self.address.write(target=target)
+        self._show_target()
+
+    def _show_target(self) -> None:
+        """Show the set that runs are added to: its name if it is new, its diagnosis if it is not."""
         self.name.set_visibility(self.target.value == _NEW)
+        self.diagnosis.show(self._sets.get(self.target.value))
 
-    async def _list_sets(self) -> None:
+    async def _list_sets(self, chosen: Path | None = None) -> None:
         found = await asyncio.to_thread(find_sets, self.session.run_folder.parent)
         own = self.session.run_folder
         options = {str(own): f"{own.name} (this board's own)"}
+        self._sets = {str(own if one.path == own.resolve() else one.path): one for one in found}
         for one in found:
             try:
                 self.session.own_set(one.path)
@@ -146,8 +151,9 @@ class _ExperimentsPage:
             if one.path != own.resolve():
                 options[str(one.path)] = one.name
         with self.client:
-            self.target.fill(options | {_NEW: _NEW}, self.address.text("target") or self.target.value)
-            self._show_name()
+            target = self.address.text("target") or self.target.value
+            self.target.fill(options | {_NEW: _NEW}, target if chosen is None else str(chosen))
+            self._show_target()
 
     # ---- the plan
 
@@ -251,7 +257,6 @@ class _ExperimentsPage:
     def _folder(self) -> Path:
         if self.target.value == _NEW:
             return self.session.run_folder.parent / checked_name(self.new_set)
-        self.address.write(target=self.target.value)
         return Path(self.target.value)
 
     def _tune(self, folder: Path) -> None:
@@ -279,8 +284,8 @@ class _ExperimentsPage:
             self.result.clear()
             with self.result:
                 self._result(home, run)
-            self.diagnosis.show(home)
-        await self._list_sets()
+        made_here = self.target.value == _NEW and home.path.name == self.new_set
+        await self._list_sets(home.path if made_here else None)
 
     def _result(self, home: FoundSet, run: Path) -> None:
         query = urlencode({"set": home.name, "run": run.stem})

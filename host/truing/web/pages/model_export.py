@@ -6,8 +6,8 @@ from pathlib import Path
 
 from nicegui import ui
 
-from truing.errors import TruingError
-from truing.web.pages.elements import Select, button, notify, set_text, tag, with_next
+from truing.errors import TruingError, with_next
+from truing.web.pages.elements import Select, button, notify, set_text, tag
 from truing.web.session import ViewSession
 from truing.web.views.exports import KINDS
 

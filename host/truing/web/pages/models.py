@@ -10,7 +10,7 @@ from typing import Any
 
 from nicegui import events
 
-from truing.errors import TruingError
+from truing.errors import TruingError, with_next
 from truing.web.models.error_model import (
     KINDS,
     Kind,
@@ -24,7 +24,7 @@ from truing.web.models.error_model import (
 )
 from truing.web.pages.address import Address
 from truing.web.pages.components import DropZone, ParameterSlider
-from truing.web.pages.elements import Choice, Select, button, heading, notify, tag, with_next
+from truing.web.pages.elements import Choice, Select, button, heading, notify, tag
 from truing.web.pages.model_export import ModelExport
 from truing.web.pages.run_stage import RunStage
 from truing.web.runs.dropped_files import ADDRESS, MAX_BYTES

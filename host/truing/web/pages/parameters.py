@@ -13,11 +13,11 @@ from nicegui import background_tasks, context, ui
 from truing.board.device import Device
 from truing.board.parameter_file import read_parameter_file, same_on_the_board, write_parameter_file
 from truing.board.state import Parameter, format_f32
-from truing.errors import TruingError
+from truing.errors import TruingError, with_next
 from truing.web.pages.address import Address
 from truing.web.pages.components import NumberField
 from truing.web.pages.control import ControlGate
-from truing.web.pages.elements import PlainTable, Select, button, heading, notify, set_text, tag, with_next
+from truing.web.pages.elements import PlainTable, Select, button, heading, notify, set_text, tag
 from truing.web.path.sequence_file import checked_name
 from truing.web.session import ViewSession
 
@@ -145,7 +145,7 @@ class _ParametersPage:
             f"{len(self.found) - len(kept)} of {len(self.found)} values are not stored: a restart loses them."
         )
         set_text(
-            self.status, text if len(kept) < len(self.found) else "Everything is stored as it is in force."
+            self.status, text if len(kept) < len(self.found) else "A restart keeps every value as it is."
         )
         self.table.clear()
         with self.table:

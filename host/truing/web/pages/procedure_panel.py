@@ -7,7 +7,7 @@ from typing import Any
 
 from nicegui import background_tasks, context, ui
 
-from truing.errors import TruingError
+from truing.errors import TruingError, with_next
 from truing.web.pages.components import Countdown
 from truing.web.pages.elements import (
     PlainTable,
@@ -17,7 +17,6 @@ from truing.web.pages.elements import (
     notify,
     set_text,
     tag,
-    with_next,
 )
 from truing.web.session import ViewSession
 

@@ -9,10 +9,10 @@ from typing import Any
 
 from nicegui import context, ui
 
-from truing.errors import TruingError
+from truing.errors import TruingError, with_next
 from truing.web.models.run_forecast import RunForecast, forecast
 from truing.web.pages.components import Countdown, TopView
-from truing.web.pages.elements import button, dialog_box, notify, tag, with_next
+from truing.web.pages.elements import button, dialog_box, notify, tag
 from truing.web.pose import Pose
 from truing.web.session import ViewSession
 from truing.web.worker.state import RunRequest

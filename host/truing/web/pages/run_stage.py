@@ -9,11 +9,11 @@ from typing import Any
 
 from nicegui import background_tasks, context, ui
 
-from truing.errors import TruingError
+from truing.errors import TruingError, with_next
 from truing.web.models.error_model import ModelChoice
 from truing.web.pages.address import Address
 from truing.web.pages.components import Plot, TopView
-from truing.web.pages.elements import PlainTable, button, heading, notify, tag, with_next
+from truing.web.pages.elements import PlainTable, button, heading, notify, tag
 from truing.web.pages.run_choice import NO_RUNS, RunChoice
 from truing.web.session import ViewSession
 from truing.web.views.figures import empty_figure

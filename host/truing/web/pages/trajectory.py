@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from nicegui import events, ui
 
-from truing.errors import TruingError
+from truing.errors import TruingError, with_next
 from truing.plan import Plan, load_plan
 from truing.web.limits import CYCLE_S
 from truing.web.models.error_model import KINDS, Kind, offered_kinds
@@ -25,7 +25,6 @@ from truing.web.pages.elements import (
     number,
     set_text,
     tag,
-    with_next,
 )
 from truing.web.pages.live import task_panel
 from truing.web.pages.run_preview import RunPreview

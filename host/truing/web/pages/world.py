@@ -8,11 +8,11 @@ from functools import partial
 
 from nicegui import events, ui
 
-from truing.errors import TruingError
+from truing.errors import TruingError, with_next
 from truing.web.pages.address import Address
 from truing.web.pages.components import LiveKeys, TopView
 from truing.web.pages.control import ControlGate
-from truing.web.pages.elements import Choice, Select, Toggle, button, heading, notify, number, tag, with_next
+from truing.web.pages.elements import Choice, Select, Toggle, button, heading, notify, number, tag
 from truing.web.pages.live import drive_panel
 from truing.web.path.sequence_file import checked_name
 from truing.web.pose import Pose

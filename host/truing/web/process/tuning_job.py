@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from truing.board.device import Device
 from truing.board.tuning import TuningResult, tune
-from truing.errors import TruingError
+from truing.errors import TruingError, with_next
 from truing.plan import Plan, parse_plan
 from truing.web.process.helper import HelperProcess
 from truing.web.worker.board_worker import BoardWorker
@@ -94,7 +94,7 @@ class TuningJob:
             proof, learning = await self.plans()
             result = await asyncio.to_thread(self._tune, _ViewRobot(self, drive, folder), proof, learning)
         except TruingError as error:
-            self._fail(f"{error.message}. Next: {error.next_step}")
+            self._fail(with_next(error))
         except Exception as error:
             _LOG.exception("the tuning")
             self._fail(f"{type(error).__name__}: {error}. Next: start the tuning again")

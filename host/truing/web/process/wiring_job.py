@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from truing.board.device import Device
 from truing.board.wiring_check import SIDES, CheckResult, check_robot, fix
-from truing.errors import Interrupted, TruingError
+from truing.errors import Interrupted, TruingError, with_next
 from truing.web.process.robot_side import RobotSide
 from truing.web.worker.board_worker import BoardWorker
 
@@ -66,7 +66,7 @@ class WiringJob:
                 self.state,
                 stage="failed",
                 asks="",
-                said=(*self.state.said, f"{error.message}. Next: {error.next_step}"),
+                said=(*self.state.said, with_next(error)),
             )
         else:
             said = [f"{one.name}: {one.text}. Change: {one.change}" for one in result.findings]
@@ -100,7 +100,7 @@ class WiringJob:
         self.state = replace(self.state, asks=text)
         while not self._turned.wait(0.05):
             if device.client.is_interrupted:
-                raise Interrupted("stopped")
+                raise Interrupted("the check was stopped", "start it again")
         self.state = replace(self.state, asks="")
 
 
