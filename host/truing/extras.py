@@ -24,7 +24,7 @@ class Extra:
 
 EXTRAS = {
     "sim": Extra("the virtual board", ("unicorn",)),
-    "view": Extra("the view in the browser", ("nicegui", "PIL", "plotly", "yaml")),
+    "view": Extra("the view in the browser", ("nicegui", "PIL", "yaml")),
     "can": Extra("a CAN bus", ("can", "isotp")),
     "bags": Extra("reading MCAP files and ROS bags", ("mcap", "rosbags")),
     "plots": Extra("drawing pictures", ("matplotlib",)),

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 # Each takes from 0.1 s to 1.5 s, in every process that collects.
-HEAVY = ["cantools", "fastapi", "matplotlib", "mujoco", "nicegui", "playwright", "plotly", "yourdfpy"]
+HEAVY = ["cantools", "fastapi", "matplotlib", "mujoco", "nicegui", "playwright", "yourdfpy"]
 HEAVY += ["rosbags.rosbag1", "rosbags.rosbag2"]
 HEAVY += [f"scipy.{name}" for name in ("io", "linalg", "optimize", "signal", "special", "stats")]
 

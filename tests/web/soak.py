@@ -25,7 +25,7 @@ import numpy as np
 from truing.recording.reader import read_run
 from web.browser_rig import START
 from web.process_memory import helpers_mb, resident_mb
-from web.synthetic_runs import VERDICT, synthetic_set
+from web.synthetic_runs import synthetic_set, write_diagnosis
 from web.view_process import ViewProcess
 
 if TYPE_CHECKING:
@@ -86,12 +86,8 @@ def soak(folder: Path, seconds: float, warm_s: float, min_runs: int = 1) -> Soak
     from playwright.sync_api import sync_playwright
 
     synthetic_set(folder / "recordings/soak")
-    diagnoses = folder / "diagnoses"
-    (diagnoses / "pages").mkdir(parents=True, exist_ok=True)
-    (diagnoses / "recordings-soak.json").write_text(json.dumps(VERDICT))
+    diagnoses = write_diagnosis(folder, "recordings-soak", has_next=True)
     (diagnoses / "recordings-soak.next.toml").write_text(_PLAN)
-    shown = {"heading": "Soak", "sections": [], "has_next": True, "heat": None}
-    (diagnoses / "pages/recordings-soak.json").write_text(json.dumps(shown))
     view = ViewProcess(folder, "--rate", str(RATE_HZ))
     pid = view.process.pid
     try:

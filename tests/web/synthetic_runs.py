@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -10,6 +12,10 @@ from truing.recording.run import Run, RunMetadata
 from truing.recording.writer import write_run
 from truing.web.path.sequence_file import plan_of
 from truing.web.path.trajectory import Cycle
+from truing.web.views.mismatch_map import mismatch_map
+
+if TYPE_CHECKING:
+    from truing.diagnose.present.cells import TimeCells
 
 BASELINE = """
 [robot]
@@ -84,3 +90,31 @@ VERDICT = {
     ],
 }
 """A diagnosis in the form of `truing diagnose --json`."""
+
+
+def time_cells(wheel: str) -> TimeCells:
+    """Of the synthetic set: the mismatch of 02_straight is the largest from 1.0 to 1.5 s."""
+    from truing.diagnose.present.cells import TimeCells
+
+    times = np.full((3, 12), 0.9)
+    times[1, 2] = 6.5
+    times[2, 11] = np.nan
+    names = tuple(f"{number:02d}_straight" for number in (1, 2, 3))
+    return TimeCells(wheel, names, np.arange(0.0, 6.1, 0.5), times, np.exp(-times), times > 5.0)  # type: ignore[arg-type]
+
+
+def write_diagnosis(out: Path, name: str, **shown: object) -> Path:
+    """A diagnosis of a set as the view's helper leaves it; what the page shows, besides what is given."""
+    folder = out / "diagnoses"
+    (folder / "pages").mkdir(parents=True, exist_ok=True)
+    (folder / f"{name}.json").write_text(json.dumps(VERDICT))
+    page = {
+        "heading": "Physics is missing",
+        "finding": "Dry friction is missing.",
+        "sections": [["Verdict", ["Dry friction."]], ["Next", ["Record more."]]],
+        "stretches": [{"run": "02_straight", "span": [1.0, 2.5], "text": "02_straight, 1.0 to 2.5 s"}],
+        "has_next": False,
+        "map": mismatch_map([time_cells("left"), time_cells("right")]),
+    }
+    (folder / "pages" / f"{name}.json").write_text(json.dumps(page | shown))
+    return folder

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import socket
 import time
 from http.client import HTTPConnection
@@ -19,7 +18,7 @@ from web.browser_rig import (
     speed,
     wait,
 )
-from web.synthetic_runs import VERDICT, synthetic_set
+from web.synthetic_runs import synthetic_set, write_diagnosis
 from web.view_process import ViewProcess
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
@@ -53,13 +52,7 @@ _FIRST_PICTURE_MS = 10_000
 def filled(rig):
     """A set with its diagnosis."""
     synthetic_set(rig.view.out / "made")
-    pages = rig.view.out / "diagnoses/pages"
-    pages.mkdir(parents=True, exist_ok=True)
-    (pages.parent / "made.json").write_text(json.dumps(VERDICT))
-    shown = {"heading": "Physics is missing", "finding": "Dry friction is missing.", "has_next": False}
-    shown["stretches"] = [{"run": "02_straight", "span": [1.0, 2.5], "text": "02_straight, 1.0 to 2.5 s"}]
-    shown |= {"sections": [["Verdict", ["Dry friction."]], ["Next", ["Record more."]]], "heat": None}
-    (pages / "made.json").write_text(json.dumps(shown))
+    write_diagnosis(rig.view.out, "made")
 
 
 @pytest.mark.parametrize("path", FILLED)

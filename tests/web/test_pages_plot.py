@@ -81,7 +81,7 @@ def test_the_cursor_tells_values_of_all_panels_and_stands_on_the_map(page, compa
     page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + 20)
     wait(lambda: "Real robot 0.44" in readout(page), "the steady speed")
     assert readout(page).count("Real robot") == 2
-    assert "real minus simulated" in readout(page)
+    assert "left residual" in readout(page)
     at = page.evaluate("truingCursor.t")
     assert 4.0 < at < 5.5
     # The map draws the robot on every path that has this time.

@@ -10,8 +10,17 @@ import pytest
 from support.foreign_files import write_sysid
 from truing.recording.baseline import read_baseline
 from truing.recording.reader import read_run
-from web.browser_rig import accessibility_violations, choose_tool, go, live, run_to_the_end, start_run, wait
-from web.synthetic_runs import BASELINE, TAU_S, VERDICT, synthetic_set
+from web.browser_rig import (
+    accessibility_violations,
+    address,
+    choose_tool,
+    go,
+    live,
+    run_to_the_end,
+    start_run,
+    wait,
+)
+from web.synthetic_runs import BASELINE, TAU_S, VERDICT, synthetic_set, write_diagnosis
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
 
@@ -228,17 +237,12 @@ def test_a_diagnosis_is_started_watched_and_cancelled_with_the_page_alive(page):
 
 def test_the_next_experiment_is_driven_and_joins_the_set(page, rig):
     own = synthetic_set(rig.view.out / "recordings/own")
-    folder = rig.view.out / "diagnoses"
-    (folder / "pages").mkdir(parents=True, exist_ok=True)
-    (folder / "recordings-own.json").write_text(json.dumps(VERDICT))
+    finding = "Right wheel: its encoder loses counts, or its motor is not like the left one's."
+    folder = write_diagnosis(rig.view.out, "recordings-own", finding=finding, has_next=True)
     (folder / "recordings-own.next.toml").write_text(
         'title = "Tell them apart"\n[[segment]]\nduration_s = 0.6\neffort = [0.2, 0.2]\n'
         "[[segment]]\nduration_s = 1.0\neffort = [0.0, 0.0]\n"
     )
-    shown = {"heading": "Physics is missing", "sections": [["Verdict", ["Two effects."]]], "has_next": True}
-    shown["finding"] = "Right wheel: its encoder loses counts, or its motor is not like the left one's."
-    shown["stretches"] = [{"run": "02_straight", "span": [1.0, 2.5], "text": "02_straight, 1.0 to 2.5 s"}]
-    (folder / "pages/recordings-own.json").write_text(json.dumps(shown | {"heat": None}))
     go(page, "6", "Analysis")
     choose(page, "Set", "recordings/own")
     page.get_by_text("Right wheel: its encoder loses counts", exact=False).wait_for()
@@ -247,6 +251,25 @@ def test_the_next_experiment_is_driven_and_joins_the_set(page, rig):
     wait(lambda: page.get_by_label("from, s").input_value() == "1", "the stretch")
     shaded = f"({PLOT}.figure.marks ?? []).map(mark => [mark.from, mark.to, mark.colour])"
     wait(lambda: [1, 2.5, "#ff7b7b"] in page.evaluate(shaded), "its mark in the chart")
+    page.get_by_role("button", name="Mismatch", exact=True).click()
+    wait(lambda: page.evaluate(f"{PLOT}.panels().length") == 2, "a map for each wheel")
+    page.locator(".plot canvas").focus()
+    for key in ("ArrowDown", "ArrowDown", "i"):
+        page.keyboard.press(key)
+    readout = page.locator(".plot-readout").inner_text()
+    assert readout.startswith("02_straight")
+    assert "left, refitted 0.9" in readout
+    with page.expect_download() as download:
+        page.get_by_role("button", name="Save the curves as CSV").click()
+    table = download.value.path().read_text().splitlines()
+    assert table[0].startswith('t_s,"01_straight, left, refitted"')
+    assert table[3].split(",")[2] == "6.5"
+    place = page.evaluate(f"{PLOT}.place")
+    x = place["left"] + (place["right"] - place["left"]) * 1.2 / 6.0
+    page.locator(".plot canvas").click(position={"x": x, "y": place["tops"][1] + 0.5 * place["each"]})
+    wait(lambda: page.evaluate(f"{PLOT}.panels().length") == 2 and "view=signals" in address(page), "the run")
+    assert page.get_by_label("Run", exact=True).input_value() == "02_straight"
+    assert [page.get_by_label(end).input_value() for end in ("from, s", "to, s")] == ["1", "1.5"]
     run_to_the_end(page, lambda: start_run(page, "Run the next experiment"))
     added = own / "runs/04_next.csv"
     assert added.is_file()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import time
 from pathlib import Path
 
@@ -113,5 +114,8 @@ def test_a_diagnosis_leaves_verdict_report_and_heat_map(tmp_path):
     result = job.result_of("made")
     assert result.is_file()
     assert result.with_suffix(".html").stat().st_size > 10_000
-    page = (result.parent / "pages/made.json").read_text()
-    assert '"heatmap"' in page
+    page = json.loads((result.parent / "pages/made.json").read_text())
+    maps = [panel["map"] for panel in page["map"]["panels"]]
+    assert [panel["unit"] for panel in page["map"]["panels"]][:2] == ["left, refitted", "right, refitted"]
+    assert maps[0]["rows"] == ["01_straight", "02_straight", "03_straight"]
+    assert all(len(row) == len(maps[0]["edges"]) - 1 for row in maps[0]["values"])

@@ -33,7 +33,7 @@ def test_stopping_points_of_a_straight_line(tmp_path):
         Pose(0.5, 0.5, 0.0),
     )
     x, y, theta, off, _ = found.stopping_points()
-    assert x[0] == "x (m)"
+    assert x[0] == "x, m"
     assert x[1] == "3.0000"
     assert y[1] == "0.5000"
     # The wheels need their time constant to get going: 0.35 s of the way at 0.5 m/s is missing.
@@ -46,6 +46,20 @@ def test_stopping_points_of_a_straight_line(tmp_path):
     residual = found.residual("left")
     assert residual is not None
     assert np.abs(residual).max() < 5e-3
+
+
+def test_a_virtual_robot_is_called_so_and_not_real(tmp_path):
+    (tmp_path / "baseline.toml").write_text(BASELINE)
+    run = straight_run()
+    assert run.metadata is not None
+    run = replace(run, metadata=replace(run.metadata, seed=1))
+    found = compare(run, read_baseline(tmp_path / "baseline.toml"), None, ModelChoice("paper"))
+    content = comparison_content(found)
+    assert content["head"][-1] == "Virtual robot"
+    names = {line["name"] for panel in content["figure"]["panels"] for line in panel["lines"]}
+    assert {"Virtual robot", "left residual", "right residual"} <= names
+    assert "eal" not in "".join(names)
+    assert "Real" not in comparison_csv(found).splitlines()[0]
 
 
 def test_unknown_columns_are_left_empty_and_reported():

@@ -22,11 +22,10 @@ def test_every_component_has_its_script(components):
         for found in vars(components).values()
         if isinstance(found, type) and issubclass(found, Element) and found.__module__ == components.__name__
     ]
-    assert components.HeatMap in classes
+    assert components.Plot in classes
     for found in classes:
-        if found is not components.HeatMap:  # Plotly's own element has its script
-            assert found.component is not None, found
-            assert found.component.path.parent == components.STATIC, found
+        assert found.component is not None, found
+        assert found.component.path.parent == components.STATIC, found
 
 
 def test_every_file_that_pages_and_scripts_ask_for_is_there(components):

@@ -94,18 +94,18 @@ class Comparison:
         ends = [None if curve is None else curve.end for curve in self.curves]
         real = self.real.end
         return [
-            ["x (m)", *(_text(None if end is None else end.x_m, 4) for end in ends)],
-            ["y (m)", *(_text(None if end is None else end.y_m, 4) for end in ends)],
+            ["x, m", *(_text(None if end is None else end.x_m, 4) for end in ends)],
+            ["y, m", *(_text(None if end is None else end.y_m, 4) for end in ends)],
             [
-                "θ (°)",
+                "θ, °",
                 *(_text(None if end is None else math.degrees(wrapped(end.theta_rad)), 3) for end in ends),
             ],
             [
-                "position error (m)",
+                "position error, m",
                 *(_text(None if not end or not real else end.distance_m(real), 4) for end in ends),
             ],
             [
-                "heading error (°)",
+                "heading error, °",
                 *(_text(None if not end or not real else _heading_error_deg(end, real), 3) for end in ends),
             ],
         ]

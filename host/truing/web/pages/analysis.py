@@ -9,7 +9,7 @@ from nicegui import background_tasks, context, events, ui
 
 from truing.errors import TruingError, with_next
 from truing.web.pages.address import Address
-from truing.web.pages.components import HeatMap, Plot
+from truing.web.pages.components import Plot
 from truing.web.pages.diagnosis_card import DiagnosisCard
 from truing.web.pages.elements import (
     Choice,
@@ -47,7 +47,7 @@ class _AnalysisPage:
         self.known: list[str] = []
         self.view = address.one_of("view", _VIEWS, "signals")
         self.signals: dict[str, Any] | None = None
-        self.heat: dict[str, Any] | None = None
+        self.diagnosed_set: dict[str, Any] | None = None
         span = address.numbers("span", 2)
         self.span = None if span is None else (span[0], span[1])
         self._busy = False
@@ -64,13 +64,12 @@ class _AnalysisPage:
         with tag("div", classes="view broad"):
             with tag("section", classes="stage", aria_label="Graphs"):
                 with tag("div", classes="tools"):
-                    Choice("View", _VIEWS, self.view, self.show_view)
+                    self.views = Choice("View", _VIEWS, self.view, self.show_view)
                     Choice("Drag mode", _DRAGS, "pan", lambda tool: self.plot.set(tool=tool))
                     button("Full run", self.show_full_run, label="Show the full run and clear the selection")
                 self.plot = Plot("Signals against time", exact=True, address=self.address)
                 self.plot.classes("grows")
-                self.plot.on("selected", self.dragged).on("csv", self.csv, [])
-                self.heat_box = tag("div", classes="heat")
+                self.plot.on("selected", self.dragged).on("csv", self.csv, []).on("picked", self.picked)
             with tag("section", classes="side", aria_label="Run, statistics and diagnosis"):
                 with tag("div"):
                     heading("Run")
@@ -248,31 +247,27 @@ class _AnalysisPage:
     # ---- figures
 
     def show_view(self, view: str) -> None:
-        """Show the signals or the heat map."""
+        """Show the signals, or the map of the mismatch."""
         self.view = view
         self.address.write(step=True, view=view)
         self._show_figure()
 
     def _show_figure(self) -> None:
-        heat = self.heat if self.view == "mismatch" else None
-        self.heat_box.clear()
-        self.heat_box.set_visibility(heat is not None)
-        self.plot.set_visibility(heat is None)
-        if heat is not None:
-            with self.heat_box:
-                HeatMap("Mismatch of every run over time", heat)
-            return
-        figure = self.signals if self.view == "signals" else None
+        is_map = self.view == "mismatch"
         run = self.runs.run
-        title = "" if run is None else f"{self.runs.name}, {run.stem}"
+        figure = (self.diagnosed_set or {}).get("map") if is_map else self.signals
+        title = self.runs.name if is_map or run is None else f"{self.runs.name}, {run.stem}"
+        self.plot.set(exact=not is_map)
         shown = figure is not None and figure["panels"]
         self.plot.show(figure if figure is not None and shown else empty_figure(self._why_empty()), title)
 
     def _why_empty(self) -> str:
         if self.runs.run is None:
             return NO_RUNS
-        if self.view == "mismatch":
+        if self.view == "mismatch" and self.diagnosed_set is None:
             return "this set has not been diagnosed yet: start a diagnosis on the right"
+        if self.view == "mismatch":
+            return "this diagnosis has no map of its mismatch: diagnose the set again"
         if self.unreadable:
             return f"{self.runs.run.stem} cannot be shown"
         return "loading …" if self.signals is None else "select signals on the right"
@@ -283,15 +278,22 @@ class _AnalysisPage:
 
     def diagnosed(self, content: dict[str, Any] | None) -> None:
         """Take over what the diagnosis draws."""
-        self.heat = (content or {}).get("heat")
+        self.diagnosed_set = content
         self.stretches = (content or {}).get("stretches", [])
         self._show_figure()
+
+    def picked(self, event: events.GenericEventArguments) -> None:
+        """A cell of the map was pressed: show that run there."""
+        run, span = event.args
+        self.show_stretch({"run": str(run), "span": [float(end) for end in span]})
 
     def show_stretch(self, stretch: dict[str, Any]) -> None:
         """Show a stretch of a run that the finding is about."""
         if not self.runs.show(stretch["run"]):
             notify(f"{stretch['run']} is no longer in this set: press Diagnose this set again", good=False)
             return
+        if self.view != "signals":
+            self.views.choose("signals")
         self._keep_span((float(stretch["span"][0]), float(stretch["span"][1])))
         self.show_span()
         self.draw()

@@ -1,4 +1,4 @@
-"""Components with scripts of their own: floor, 3-D scene, plot, keys, drop zone, slider, heat map."""
+"""Components with scripts of their own: floor, 3-D scene, plot, keys, drop zone, slider."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import nicegui.elements.scene  # noqa: F401  (importing it puts three.js into the pages' import map)
-from nicegui import ui
 from nicegui.element import Element
 
 from truing.web.models.error_model import Slider
@@ -93,10 +92,10 @@ class Scene3D(Element, component=STATIC / "scene_3d.js"):
 
 
 class Plot(Element, component=STATIC / "plot.js", default_classes="plot-box"):
-    """Curves over time: zoom, pan, cursor, playback, PNG and CSV; on every page.
+    """Curves and maps over time: zoom, pan, cursor, playback, PNG and CSV; on every page.
 
-    Emits `selected` with the ends (s) of a stretch drawn with the tool `select`, and `csv` where the page
-    saves the exact values itself.
+    Emits `selected` with the ends (s) of a stretch drawn with the tool `select`, `picked` with the row and
+    the ends (s) of a map's cell that was pressed, and `csv` where the page saves the exact values itself.
 
     Parameters
     ----------
@@ -173,18 +172,3 @@ class NumberField(Element, component=STATIC / "number_field.js"):
     def __init__(self, label: str, value: str) -> None:
         super().__init__()
         self._props["label"], self._props["value"] = label, value
-
-
-class HeatMap(ui.plotly):
-    """The mismatch of every run over time, as plotly draws it in reports."""
-
-    def __init__(self, label: str, figure: Figure) -> None:
-        super().__init__(figure)
-        self.classes("chart grows")
-        self._props["role"] = "group"
-        self._props["aria-label"] = label
-
-    def png(self, name: str) -> None:
-        """Save the figure as PNG in the browser."""
-        shape = {"format": "png", "filename": name, "width": 1600, "height": 900, "scale": 1}
-        self.run_plot_method("downloadImage", shape)

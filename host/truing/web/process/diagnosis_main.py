@@ -42,26 +42,25 @@ def _diagnose(runs: Path, target: Path, progress: Any) -> None:
     from truing.diagnose.diagnosis_input import read_input
     from truing.diagnose.engine import diagnose
     from truing.diagnose.present.cells import locate
-    from truing.diagnose.present.charts import heat_map
     from truing.diagnose.present.page import save_report
     from truing.diagnose.present.text import HEADINGS, sections
     from truing.recording.writer import replace_file
-    from truing.web.views.figures import dark_theme
     from truing.web.views.finding import finding, stretches
+    from truing.web.views.mismatch_map import mismatch_map
 
     progress(0.0)
     recordings = read_input(runs, None)
     found = diagnose(recordings, progress=lambda fraction: progress(0.98 * fraction))
     before = locate(found)
     after = locate(found, after=True) if found.effects else None
-    heat = heat_map(before.cells, after.cells if after else ()) if before.cells else None
+    mismatch = mismatch_map(before.cells, after.cells if after else ()) if before.cells else None
     page = {
         "runs": str(runs),
         "heading": HEADINGS[found.verdict],
         "finding": finding(found),
         "stretches": stretches(found),
         "sections": [[section.title, list(section.lines)] for section in sections(found, board=True)],
-        "heat": None if heat is None else dark_theme(heat),
+        "map": mismatch,
         "has_next": found.next_experiment is not None,
     }
     target.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,5 @@
 // A plot as files: a picture with title and legend, and its curves as a table.
+import { asLines } from "/view-static/plot_map.js";
 import { paint } from "/view-static/plot_paint.js";
 
 const WIDTH = 1600, HEIGHT = 900, HEAD = 84, SCALE = 2;
@@ -35,7 +36,9 @@ export function keys(panels) { // one for each name
 
 // A row for every time of any curve within the range; an empty cell where a curve has no row at that time.
 export function saveTable(title, panels, range) {
-  const columns = panels.flatMap((panel) => panel.lines.map((line) => ({ head: `${line.name} (${panel.unit})`, line })));
+  const columns = panels.flatMap((panel) => panel.map
+    ? asLines(panel).map((line) => ({ head: line.name, line }))
+    : panel.lines.map((line) => ({ head: `${line.name} (${panel.unit})`, line })));
   const rows = new Map();
   columns.forEach(({ line }, column) => line.t.forEach((t, k) => {
     if (t < range[0] || t > range[1]) return;

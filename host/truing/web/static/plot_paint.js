@@ -1,25 +1,26 @@
 // Draws panels of curves over one time axis: for the plot on a page, and for its picture in a file.
-// A panel: {unit, lines: [{name, t, values, colour, dash, width}], low, high, least}; t is sorted.
+// A panel: {unit, lines: [{name, t, values, colour, dash, width}], low, high, least}, t is sorted; or one with a map.
+import { namesWidth, paintMap, paintScale } from "/view-static/plot_map.js";
 
 const LEFT = 52, RIGHT = 12, BELOW = 30, GAP = 12, TOP = 6;
 const DASHES = { solid: [], dash: [6, 4], dot: [2, 3] };
 const TEXT = "#94a1b2", GRID = "#1d242e", ZERO = "#3a4656", EDGE = "#2a333f";
 const FONT = 'system-ui, "DejaVu Sans", sans-serif';
 
-export function layout(width, height, count) {
-  const each = (height - TOP - BELOW - GAP * (count - 1)) / Math.max(1, count);
-  return { left: LEFT, right: width - RIGHT, tops: Array.from({ length: count }, (_, k) => TOP + k * (each + GAP)), each, bottom: height - BELOW };
+export function layout(width, height, panels) {
+  const count = panels.length, each = (height - TOP - BELOW - GAP * (count - 1)) / Math.max(1, count);
+  return { left: Math.max(LEFT, namesWidth(panels)), right: width - RIGHT, tops: Array.from({ length: count }, (_, k) => TOP + k * (each + GAP)), each, bottom: height - BELOW };
 }
 
-export function timeAt(x, width, range) {
-  return range[0] + (x - LEFT) / (width - LEFT - RIGHT) * (range[1] - range[0]);
+export function timeAt(x, place, range) {
+  return range[0] + (x - place.left) / (place.right - place.left) * (range[1] - range[0]);
 }
 
 export function extent(panels) { // of all curves in time
   let low = Infinity, high = -Infinity;
-  for (const panel of panels) for (const line of panel.lines) {
-    if (!line.t.length) continue;
-    low = Math.min(low, line.t[0]); high = Math.max(high, line.t[line.t.length - 1]);
+  for (const panel of panels) for (const t of [panel.map?.edges ?? [], ...panel.lines.map((line) => line.t)]) {
+    if (!t.length) continue;
+    low = Math.min(low, t[0]); high = Math.max(high, t[t.length - 1]);
   }
   return low < high ? [low, high] : null;
 }
@@ -41,7 +42,10 @@ export function step(span, count) {
 }
 
 function ticks(low, high, count) {
-  const by = step(high - low, count), digits = Math.max(0, Math.min(8, -Math.floor(Math.log10(by) + 1e-9))), found = [];
+  let by = step(high - low, count);
+  // One number alone is no scale.
+  while (Math.floor(high / by + 1e-9) - Math.ceil(low / by - 1e-9) < 1) by = step(by, 2.5);
+  const digits = Math.max(0, Math.min(8, -Math.floor(Math.log10(by) + 1e-9))), found = [];
   for (let k = Math.ceil(low / by - 1e-9); k * by <= high + 1e-9 * by; k += 1) found.push([k * by, (k * by).toFixed(digits).replace("-", "−")]);
   return found;
 }
@@ -65,9 +69,9 @@ function yRange(panel, hidden, range) {
   return [panel.low ?? low - room, panel.high ?? high + room];
 }
 
-// options: {hidden: names, marks, cursor, stale, base}
+// options: {hidden: names, marks, cursor, stale, base, pointed: {panel, row, t} of a map}
 export function paint(c, width, height, panels, range, options) {
-  const hidden = options.hidden ?? new Set(), place = layout(width, height, panels.length);
+  const hidden = options.hidden ?? new Set(), place = layout(width, height, panels);
   const x = (t) => place.left + (t - range[0]) / (range[1] - range[0]) * (place.right - place.left);
   const base = options.base ?? 0; // times are told from here
   const times = ticks(range[0] - base, range[1] - base, (place.right - place.left) / 90).map(([t, text]) => [t + base, text]);
@@ -78,7 +82,8 @@ export function paint(c, width, height, panels, range, options) {
     c.lineWidth = 1; c.strokeStyle = GRID;
     for (const [t] of times) stroke(c, x(t), top, x(t), top + place.each);
     c.fillStyle = TEXT; c.textAlign = "right"; c.textBaseline = "middle";
-    for (const [value, text] of ticks(low, high, place.each / 26)) {
+    if (panel.map) paintMap(c, panel.map, { ...place, top, height: place.each }, x, options.pointed?.panel === k ? options.pointed : null);
+    else for (const [value, text] of ticks(low, high, place.each / 26)) {
       c.strokeStyle = Math.abs(value) < 1e-12 ? ZERO : GRID;
       stroke(c, place.left, y(value), place.right, y(value));
       c.fillText(text, place.left - 6, y(value));
@@ -108,6 +113,7 @@ export function paint(c, width, height, panels, range, options) {
   c.fillStyle = TEXT; c.textAlign = "center"; c.textBaseline = "alphabetic";
   for (const [t, text] of times) c.fillText(text, x(t), place.bottom + 14);
   c.fillText("time, s", (place.left + place.right) / 2, place.bottom + 27);
+  if (panels[0]?.map) paintScale(c, panels[0].map, place.right, place.bottom + 27);
 }
 
 function stroke(c, x0, y0, x1, y1) { c.beginPath(); c.moveTo(x0, y0); c.lineTo(x1, y1); c.stroke(); }

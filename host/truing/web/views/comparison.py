@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from truing.recording.run import WHEELS
-from truing.web.models.comparison import COLUMNS, Comparison, Curve
+from truing.web.models.comparison import Comparison, Curve
 from truing.web.models.error_replay import thinned
 from truing.web.views.figures import Line, Panel, panels
 
@@ -115,7 +115,8 @@ def _figure(main: Comparison) -> dict[str, Any]:
             curve = main.curves[index]
             values = None if curve is None else main.residual("left" if wheel == "left" else "right", curve)
             if values is not None:
-                name = f"{wheel}, real minus {COLUMNS[index].lower()}"
+                # Measured minus simulated; of a real robot or a virtual one.
+                name = f"{wheel} residual" + (" (model)" if index == 2 else "")
                 residuals.append(Line(name, main.real.t_s, values, STYLES[index][0], dash, 1.2))
     if residuals:
         parts.append(Panel("residual, m/s", residuals))

@@ -1,4 +1,4 @@
-"""Figures of the pages: panels of curves over time for the plot, and reports' figures in dark colours."""
+"""Figures of the pages: panels of curves over time, as the plot draws them."""
 
 from __future__ import annotations
 
@@ -12,12 +12,9 @@ from truing.arrays import FloatArray
 
 Figure: TypeAlias = dict[str, Any]
 
-BACKGROUND, TEXT, DIM, LINE = "#0e1116", "#dbe3ec", "#94a1b2", "#2a333f"
 COLOURS = ("#ffb454", "#5ccfe6", "#7ee787", "#d2a8ff", "#ff7b7b", "#e6edf5", "#ffcb6b", "#79a8ff")
 # More points than screen columns only slow the page down.
 MAX_POINTS = 4000
-# Of the figures that plotly draws.
-CONFIG = {"displaylogo": False, "displayModeBar": False, "responsive": True, "doubleClick": "reset"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,27 +93,3 @@ def decimated(t: FloatArray, values: FloatArray) -> tuple[list[float], list[floa
         t, values = t[rows], values[rows]
     times: list[float] = np.round(t, 4).tolist()
     return times, [float(f"{v:.6g}") if np.isfinite(v) else None for v in values.tolist()]
-
-
-# From the background colour to a warm white with increasing mismatch.
-_HEAT = [[0.0, "#141920"], [0.12, "#2b2a33"], [0.35, "#8a4b2a"], [0.65, "#f08a3c"], [1.0, "#fff1d6"]]
-
-
-def dark_theme(figure: Figure) -> Figure:
-    """A figure of a report (plotly's format) in the view's colours."""
-    layout = dict(figure["layout"])
-    layout["font"] = layout.get("font", {}) | {"color": TEXT}
-    layout.pop("height", None)
-    layout |= {"paper_bgcolor": BACKGROUND, "plot_bgcolor": BACKGROUND, "autosize": True}
-    for name, axis in layout.items():
-        if name.startswith(("xaxis", "yaxis")):
-            layout[name] = axis | {"gridcolor": "#1d242e", "linecolor": LINE, "zerolinecolor": "#3a4656"}
-    data = []
-    for trace in figure["data"]:
-        changed = dict(trace)
-        if trace["type"] == "heatmap":
-            changed["colorscale"] = _HEAT
-        elif "marker" in trace:
-            changed["marker"] = trace["marker"] | {"color": "#e6edf5"}
-        data.append(changed)
-    return {"data": data, "layout": layout, "config": CONFIG}
