@@ -81,13 +81,19 @@ class SoakResult:
         return max(self.growth_mb, self.helpers_growth_mb, self.page_growth_mb, self.driver_growth_mb)
 
 
+def soaked_set(folder: Path) -> Path:
+    """A set whose diagnosis proposes the run that is driven again and again."""
+    made = synthetic_set(folder / "recordings/soak")
+    diagnoses = write_diagnosis(folder, "recordings-soak", has_next=True)
+    (diagnoses / "recordings-soak.next.toml").write_text(_PLAN)
+    return made
+
+
 def soak(folder: Path, seconds: float, warm_s: float, min_runs: int = 1) -> SoakResult:
     """Look on for so long after the warm-up, and until so many runs have been saved."""
     from playwright.sync_api import sync_playwright
 
-    synthetic_set(folder / "recordings/soak")
-    diagnoses = write_diagnosis(folder, "recordings-soak", has_next=True)
-    (diagnoses / "recordings-soak.next.toml").write_text(_PLAN)
+    soaked_set(folder)
     view = ViewProcess(folder, "--rate", str(RATE_HZ))
     pid = view.process.pid
     try:
@@ -101,14 +107,14 @@ def soak(folder: Path, seconds: float, warm_s: float, min_runs: int = 1) -> Soak
             driver.get_by_label("Set", exact=True).select_option(label="recordings/soak")
             # The first drawing is slow, and a driving page whose heartbeat is late loses control.
             driver.wait_for_function("document.querySelectorAll('.plot .key').length > 1", timeout=60_000)
-            _drive(driver, warm_s, 1)
-            before = [resident_mb(pid), helpers_mb(pid), _heap_mb(watcher), _heap_mb(driver)]
+            drive_runs(driver, warm_s, 1)
+            before = [resident_mb(pid), helpers_mb(pid), heap_mb(watcher), heap_mb(driver)]
             (count, board_s), began = _samples(watcher), time.monotonic()
-            stops = _drive(driver, seconds, min_runs)
+            stops = drive_runs(driver, seconds, min_runs)
             spent = time.monotonic() - began
             counted, until_s = _samples(watcher)
             rate = (counted - count) / (until_s - board_s)
-            after = [resident_mb(pid), helpers_mb(pid), _heap_mb(watcher), _heap_mb(driver)]
+            after = [resident_mb(pid), helpers_mb(pid), heap_mb(watcher), heap_mb(driver)]
             browser.close()
     finally:
         view.close()
@@ -116,7 +122,7 @@ def soak(folder: Path, seconds: float, warm_s: float, min_runs: int = 1) -> Soak
     return SoakResult(spent, rate, *grown, *_missing(folder / "recordings/soak/runs"), stops)
 
 
-def _drive(page: Page, seconds: float, min_runs: int) -> int:
+def drive_runs(page: Page, seconds: float, min_runs: int) -> int:
     """Run after run, until the time is over and so many are saved; how many were stopped.
 
     On a busy machine a page without heartbeat for 2.5 s loses control, as intended, and the next run starts.
@@ -155,7 +161,7 @@ def _missing(folder: Path) -> tuple[int, int, int]:
     return runs, records, dropped
 
 
-def _heap_mb(page: Page) -> float:
+def heap_mb(page: Page) -> float:
     session = page.context.new_cdp_session(page)
     session.send("HeapProfiler.collectGarbage")
     used = session.send("Runtime.getHeapUsage")["usedSize"]
