@@ -87,6 +87,7 @@ def open_page(
     page.set_default_timeout(30_000)
     if not every_picture:
         page.add_init_script(_FEW_PICTURES)
+    page.add_init_script(MARK_FIRST_PICTURE)
     page.on("pageerror", lambda error: problems.append(str(error)))
 
     def asked(request: object) -> None:

@@ -10,7 +10,6 @@ from urllib.parse import urlsplit
 import pytest
 
 from web.browser_rig import (
-    MARK_FIRST_PICTURE,
     accessibility_violations,
     drive_by_key,
     live,
@@ -18,6 +17,7 @@ from web.browser_rig import (
     speed,
     wait,
 )
+from web.page_reach import cut_texts, out_of_reach_by_tab
 from web.synthetic_runs import synthetic_set, write_diagnosis
 from web.view_process import ViewProcess
 
@@ -34,14 +34,13 @@ FILLED = {
         "document.querySelectorAll('.slider').length > 2"
     ),
     "analysis?set=made&run=02_straight&span=1,3": "document.querySelector('.verdict') !== null",
+    "analysis?set=made&run=02_straight&view=mismatch": (
+        "document.querySelector('.plot canvas')?.plot?.figure.panels[0]?.map?.rows.length === 3"
+    ),
     "scene": "document.querySelector('main canvas')?.scene3d?.blocks?.count > 0",
-    "experiments?group=step": "document.querySelectorAll('.preview-facts dt').length > 4",
+    "experiments?group=paper&plan=paper/XVII": "document.querySelectorAll('.preview-facts dt').length > 4",
     "parameters?search=wheel": "document.querySelectorAll('table.parameters tbody tr').length > 3",
 }
-
-
-_OUT_OF_REACH_BY_KEY = """[...document.querySelectorAll('button, a[href], input, select, summary, canvas')]
-    .filter(one => one.checkVisibility() && !one.disabled && one.tabIndex < 0).map(one => one.outerHTML)"""
 
 
 # The goal is 2 s on two cores that do nothing else.
@@ -56,32 +55,24 @@ def filled(rig):
 
 
 @pytest.mark.parametrize("path", FILLED)
-@pytest.mark.parametrize("width", [1280, 390])
 @pytest.mark.usefixtures("filled")
-def test_no_filled_page_has_a_serious_fault_of_access_or_scrolls_sideways(
-    browser, rig, problems, path, width
-):
-    page = open_page(browser, rig, problems, path, width, 720 if width > 500 else 844)
+def test_a_filled_page_comes_soon_and_is_whole_at_every_width_and_by_keys(browser, rig, problems, path):
+    """`screenshots.py` prints the times of first pictures on a quiet machine."""
+    page = open_page(browser, rig, problems, path)
     try:
         wait(lambda: page.evaluate(FILLED[path]), "content", 60.0)
-        assert not accessibility_violations(page)
-        assert page.evaluate(_OUT_OF_REACH_BY_KEY) == []
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.evaluate("window.firstMs") < _FIRST_PICTURE_MS
+        assert out_of_reach_by_tab(page) == []
+        for width, height in ((1280, 720), (1024, 720), (900, 720), (390, 844)):
+            page.set_viewport_size({"width": width, "height": height})
+            wait(lambda width=width: page.evaluate("innerWidth") == width, "the page at its new width")
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            assert cut_texts(page) == [], f"at {width} pixels"
+            if width in (1280, 390):
+                assert not accessibility_violations(page)
     finally:
         page.close()
     assert not problems
-
-
-@pytest.mark.usefixtures("filled")
-def test_every_page_has_its_first_picture_soon(browser, rig):
-    """A limit for a machine that does other work too; `screenshots.py` prints the times on a quiet one."""
-    for path in FILLED:
-        page = browser.new_page()
-        page.add_init_script(MARK_FIRST_PICTURE)
-        page.goto(rig.view.address + path)
-        wait(lambda page=page: page.evaluate("window.firstMs"), "a first picture")
-        assert page.evaluate("window.firstMs") < _FIRST_PICTURE_MS, path
-        page.close()
 
 
 _LINKS_IN_SIGHT = """() => [...document.querySelectorAll('nav a')].filter(link => {

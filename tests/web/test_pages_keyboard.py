@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import pytest
 
-from web.browser_rig import START, cycles, drive_by_key, go, live, run_to_the_end, speed, take_control, wait
+from web.browser_rig import (
+    START,
+    cycles,
+    drive_by_key,
+    go,
+    live,
+    run_to_the_end,
+    speed,
+    take_control,
+    wait,
+)
+from web.page_reach import out_of_reach_by_tab
 from web.synthetic_runs import synthetic_set
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
@@ -88,3 +99,47 @@ def test_help_driving_and_stop_are_on_keys(page):
     page.keyboard.press("Space")
     wait(lambda: speed(page) < 0.02, "standstill")
     page.keyboard.up("ArrowUp")
+
+
+def test_an_experiment_is_chosen_shown_and_its_dialog_left_by_keys(page):
+    go(page, "8", "Experiments")
+    tab_to(page, "Kind", "SELECT")
+    while page.evaluate("document.activeElement.value") != "step":
+        page.keyboard.press("ArrowDown")
+    page.get_by_label("height", exact=True).wait_for()
+    tab_to(page, "height", "INPUT")
+    page.keyboard.press("Control+a")
+    page.keyboard.type("25")
+    page.get_by_text("Step of 25% effort", exact=False).wait_for()
+    tab_to(page, "Preview and run", "BUTTON")
+    page.keyboard.press("Enter")
+    box = page.get_by_role("dialog", name="Before the robot moves")
+    box.wait_for()
+    wait(lambda: page.evaluate(_NAME)[1].startswith(START), "the focus on the start")
+    assert out_of_reach_by_tab(page) == []
+    assert page.evaluate("document.querySelector('.q-dialog').contains(document.activeElement)")
+    page.keyboard.press("Escape")
+    box.wait_for(state="hidden")
+    wait(lambda: page.evaluate(_NAME)[1] == "Preview and run", "the focus where it was")
+
+
+def test_a_parameter_is_found_changed_and_put_back_by_keys(page):
+    go(page, "9", "Parameters")
+    page.get_by_label("wheelbase_m", exact=True).wait_for()
+    tab_to(page, "Search", "INPUT")
+    page.keyboard.type("wheelbase")
+    wait(lambda: page.locator("table.parameters tbody tr").count() == 1, "one parameter")
+    tab_to(page, "wheelbase_m", "INPUT")
+    page.keyboard.press("Control+a")
+    page.keyboard.type("0.3")
+    page.keyboard.press("Enter")
+    box = page.get_by_role("dialog", name="Control")
+    box.wait_for()
+    wait(lambda: page.evaluate(_NAME)[1] == "Take control", "the focus in the dialog")
+    assert out_of_reach_by_tab(page) == []
+    tab_to(page, "Take control", "BUTTON")
+    page.keyboard.press("Enter")
+    page.get_by_text("1 of 45 values are not stored", exact=False).wait_for()
+    tab_to(page, "Load what is stored", "BUTTON")
+    page.keyboard.press("Enter")
+    page.get_by_text("A restart keeps every value as it is.").wait_for()

@@ -10,26 +10,24 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
+from typing import Protocol
 
 from nicegui import app, core, ui
 
 from truing.errors import PortError
 from truing.web.access.security import Access, AccessMiddleware, access_for
 from truing.web.live.page_socket import add_page_socket
-from truing.web.pages import (
-    analysis,
-    compare,
-    experiments,
-    live,
-    models,
-    parameters,
-    scene,
-    trajectory,
-    world,
-)
+from truing.web.pages import live, scene
 from truing.web.pages.address import Address
+from truing.web.pages.analysis import AnalysisPage
+from truing.web.pages.compare import ComparePage
 from truing.web.pages.components import STATIC
+from truing.web.pages.experiments import ExperimentsPage
 from truing.web.pages.layout import frame
+from truing.web.pages.models import ModelsPage
+from truing.web.pages.parameters import ParametersPage
+from truing.web.pages.trajectory import TrajectoryPage
+from truing.web.pages.world import WorldPage
 from truing.web.runs.dropped_files import add_reports, add_upload
 from truing.web.session import ViewSession
 
@@ -86,18 +84,30 @@ def serve(session: ViewSession, options: ServerOptions, announce: Callable[[str,
     )
 
 
+class _Page(Protocol):
+    """A page with state of its own."""
+
+    def build(self) -> None:
+        """Make its elements."""
+
+
+_PAGES: dict[str, Callable[[ViewSession, Address], _Page]] = {
+    "/world": WorldPage,
+    "/trajectory": TrajectoryPage,
+    "/compare": ComparePage,
+    "/models": ModelsPage,
+    "/analysis": AnalysisPage,
+    "/experiments": ExperimentsPage,
+    "/parameters": ParametersPage,
+}
+
+
 def _routes(session: ViewSession) -> dict[str, Callable[[Address], None]]:
-    return {
-        "/": partial(live.build, session),
-        "/world": partial(world.build, session),
-        "/trajectory": partial(trajectory.build, session),
-        "/compare": partial(compare.build, session),
-        "/models": partial(models.build, session),
-        "/analysis": partial(analysis.build, session),
-        "/scene": scene.build,
-        "/experiments": partial(experiments.build, session),
-        "/parameters": partial(parameters.build, session),
-    }
+    def built(page: Callable[[ViewSession, Address], _Page]) -> Callable[[Address], None]:
+        return lambda address: page(session, address).build()
+
+    own = {path: built(page) for path, page in _PAGES.items()}
+    return own | {"/": partial(live.build, session), "/scene": scene.build}
 
 
 def _when_listening(host: str, port: int, then: Callable[[], None]) -> None:

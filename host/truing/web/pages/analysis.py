@@ -2,26 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from nicegui import background_tasks, context, events, ui
+from nicegui import context, events, ui
 
 from truing.errors import TruingError, with_next
 from truing.web.pages.address import Address
 from truing.web.pages.components import Plot
 from truing.web.pages.diagnosis_card import DiagnosisCard
-from truing.web.pages.elements import (
-    Choice,
-    PlainTable,
-    button,
-    heading,
-    notify,
-    number,
-    set_text,
-    tag,
-)
+from truing.web.pages.elements import Choice, PlainTable, button, notify, number, panel, set_text, tag, tick
 from truing.web.pages.live import task_panel
+from truing.web.pages.redraw import Redraw
 from truing.web.pages.run_choice import NO_RUNS, RunChoice
 from truing.web.session import ViewSession
 from truing.web.views.analysis import STATISTICS_HEAD, STEPS_HEAD, USUAL
@@ -31,12 +24,7 @@ _VIEWS = {"signals": "Signals", "mismatch": "Mismatch"}
 _DRAGS = {"pan": "Pan", "select": "Select"}
 
 
-def build(session: ViewSession, address: Address) -> None:
-    """The page."""
-    _AnalysisPage(session, address).build()
-
-
-class _AnalysisPage:
+class AnalysisPage:
     """Signals of one run, and the diagnosis of its set."""
 
     def __init__(self, session: ViewSession, address: Address) -> None:
@@ -50,8 +38,7 @@ class _AnalysisPage:
         self.diagnosed_set: dict[str, Any] | None = None
         span = address.numbers("span", 2)
         self.span = None if span is None else (span[0], span[1])
-        self._busy = False
-        self._again = False
+        self.draw = Redraw(self._draw)
         self._filling = False
         self.stretches: list[dict[str, Any]] = []
         self._shown: Path | None = None
@@ -71,8 +58,7 @@ class _AnalysisPage:
                 self.plot.classes("grows")
                 self.plot.on("selected", self.dragged).on("csv", self.csv, []).on("picked", self.picked)
             with tag("section", classes="side", aria_label="Run, statistics and diagnosis"):
-                with tag("div"):
-                    heading("Run")
+                with panel("Run"):
                     self.runs = RunChoice(self.session, self.address, self.chose)
                     self.status = tag("p", classes="note dim", role="status", style="margin:4px 0 0")
                 with tag("details", classes="more-runs", open="open"):
@@ -80,16 +66,13 @@ class _AnalysisPage:
                     self.ticks = tag("div", classes="ticks")
                 self._selection()
                 self.diagnosis = DiagnosisCard(self.session, self.diagnosed, self.show_stretch)
-                with tag("div"):
-                    heading("Steps")
-                    with tag("div", classes="many"):
-                        self.steps = PlainTable("Metrics of every step")
+                with panel("Steps"), tag("div", classes="many"):
+                    self.steps = PlainTable("Metrics of every step")
                 task_panel()
         self.runs.find()
 
     def _selection(self) -> None:
-        with tag("div"):
-            heading("Statistics of the selection")
+        with panel("Statistics of the selection"):
             with tag("div", classes="row-tight"):
                 self.first = number(
                     "from, s", 0.0, lambda v: self.set_span(first=v), low=0, high=1e6, step=0.5
@@ -174,35 +157,23 @@ class _AnalysisPage:
             ],
         }
 
-    def draw(self) -> None:
-        """Request a redraw; requests during a redraw are merged into one."""
-        self._again = True
-        if not self._busy:
-            self._busy = True
-            background_tasks.create(self._draw())
-
     async def _draw(self) -> None:
+        run = self.runs.run
+        if run is None:
+            self._clear("")
+            return
+        if run != self._shown:
+            self._clear("")
         try:
-            while self._again:
-                self._again = False
-                run = self.runs.run
-                if run is None:
-                    self._clear("")
-                    return
-                if run != self._shown:
-                    self._clear("")
-                try:
-                    found = await self.session.simulation.ask(self._request("analyse"))
-                except TruingError as error:
-                    if run == self.runs.run:
-                        self._clear(with_next(error))
-                    continue
-                if run == self.runs.run:
-                    self._shown = run
-                    with self.client:
-                        self._show(found)
-        finally:
-            self._busy = False
+            found = await self.session.simulation.ask(self._request("analyse"))
+        except TruingError as error:
+            if run == self.runs.run:
+                self._clear(with_next(error))
+            return
+        if run == self.runs.run:
+            self._shown = run
+            with self.client:
+                self._show(found)
 
     def _clear(self, why: str) -> None:
         """Show nothing of another run; say why nothing is shown."""
@@ -233,16 +204,7 @@ class _AnalysisPage:
         with self.ticks:
             for signal in signals:
                 name = signal["name"]
-                with tag("label", classes="tick"):
-                    mark = tag("input", type="checkbox", aria_label=name)
-                    if name in self.selected:
-                        mark._props["checked"] = True
-                    mark.on(
-                        "change",
-                        lambda event, name=name: self.select_signal(name, event.args is True),
-                        js_handler="(e) => emit(e.target.checked)",
-                    )
-                    tag("span", name)
+                tick(name, name, name in self.selected, partial(self.select_signal, name))
 
     # ---- figures
 

@@ -7,7 +7,7 @@ import math
 from truing.web.models.error_model import KINDS, Kind, offered_kinds
 from truing.web.pages.address import Address
 from truing.web.pages.drop_dialogue import RunDrop
-from truing.web.pages.elements import Choice, button, heading, number, tag
+from truing.web.pages.elements import Choice, button, number, panel, tag
 from truing.web.pages.run_stage import RunStage
 from truing.web.pose import Pose
 from truing.web.session import ViewSession
@@ -15,12 +15,7 @@ from truing.web.session import ViewSession
 _KINDS: dict[str, Kind] = {str(kind): kind for kind in KINDS}
 
 
-def build(session: ViewSession, address: Address) -> None:
-    """The page."""
-    _ComparePage(session, address).build()
-
-
-class _ComparePage:
+class ComparePage:
     """One comparison."""
 
     def __init__(self, session: ViewSession, address: Address) -> None:
@@ -39,13 +34,11 @@ class _ComparePage:
         with tag("div", classes="view broad"):
             self.stage.picture("Paths and speeds")
             with tag("section", classes="side", aria_label="Run and stopping points"):
-                with tag("div"):
-                    heading("Run")
+                with panel("Run"):
                     self.stage.choice()
                     self.stage.other_runs()
                     RunDrop(self.stage.find)
-                with tag("div"):
-                    heading("Error model")
+                with panel("Error model"):
                     Choice(
                         "Error model",
                         offered_kinds(self.session.model),
@@ -59,14 +52,12 @@ class _ComparePage:
 
     def _start(self) -> None:
         start = self.session.comparison_start
-        with tag("div"):
-            heading("Start")
-            with tag("div", classes="row-tight"):
-                number("x, m", start.x_m, lambda v: self.set_start(x=v), low=-50, high=50, step=0.1)
-                number("y, m", start.y_m, lambda v: self.set_start(y=v), low=-50, high=50, step=0.1)
-                degrees = round(math.degrees(start.theta_rad), 3)
-                number("heading, °", degrees, lambda v: self.set_start(theta=v), low=-360, high=360, step=5)
-                button("Rescan", self.stage.find, label="Search the disk for new runs")
+        with panel("Start"), tag("div", classes="row-tight"):
+            number("x, m", start.x_m, lambda v: self.set_start(x=v), low=-50, high=50, step=0.1)
+            number("y, m", start.y_m, lambda v: self.set_start(y=v), low=-50, high=50, step=0.1)
+            degrees = round(math.degrees(start.theta_rad), 3)
+            number("heading, °", degrees, lambda v: self.set_start(theta=v), low=-360, high=360, step=5)
+            button("Rescan", self.stage.find, label="Search the disk for new runs")
 
     def set_start(
         self, *, x: float | None = None, y: float | None = None, theta: float | None = None

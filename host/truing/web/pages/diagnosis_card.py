@@ -12,7 +12,7 @@ from nicegui import ui
 
 from truing.errors import TruingError, with_next
 from truing.plan import load_plan
-from truing.web.pages.elements import action_link, button, heading, notify, set_text, tag
+from truing.web.pages.elements import action_link, button, notify, panel, set_text, tag
 from truing.web.pages.run_preview import RunPreview
 from truing.web.runs.library import FoundSet
 from truing.web.session import ViewSession
@@ -48,8 +48,7 @@ class DiagnosisCard:
         self._preview = RunPreview(session)
         self.home: FoundSet | None = None
         self._stage = ("", 0.0)
-        with tag("div"):
-            heading("Diagnosis")
+        with panel("Diagnosis"):
             with tag("div", classes="row-tight"):
                 button("Diagnose this set", self._start, strong=True)
                 self._cancel = button("Cancel", session.diagnosis.cancel, label="Cancel the diagnosis")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
@@ -58,6 +59,14 @@ def dialog_box() -> Element:
 def heading(text: str) -> None:
     """A small heading of a panel."""
     tag("h2", text)
+
+
+@contextmanager
+def panel(title: str) -> Iterator[None]:
+    """A part of the page's side, under its heading."""
+    with tag("div"):
+        heading(title)
+        yield
 
 
 def tag(name: str, text: str = "", classes: str = "", **attributes: str) -> Element:
@@ -198,6 +207,33 @@ def number(
     # Wide enough for its label, which would be cut.
     field.props("dense outlined dark").style(f"width: {max(106, 34 + 8 * len(label))}px")
     return field
+
+
+def text_field(
+    label: str, value: str, on_change: Callable[[str], Any], *, width_px: int = 130, more: str = ""
+) -> ui.input:
+    """A field for a text."""
+    field = ui.input(label, value=value).props(f"dense outlined dark {more}").style(f"width:{width_px}px")
+    return field.on_value_change(lambda event: on_change(str(event.value or "")))
+
+
+def tick(name: str, text: str, checked: bool, on_change: Callable[[bool], Any]) -> None:
+    """A check box and its text.
+
+    Parameters
+    ----------
+    name : for a screen reader.
+    """
+    with tag("label", classes="tick"):
+        mark = tag("input", type="checkbox", aria_label=name)
+        if checked:
+            mark._props["checked"] = True
+        mark.on(
+            "change",
+            lambda event: on_change(event.args is True),
+            js_handler="(e) => emit(e.target.checked)",
+        )
+        tag("span", text)
 
 
 def notify(text: str, *, good: bool = True) -> None:

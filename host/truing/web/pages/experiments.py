@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -23,8 +24,10 @@ from truing.web.pages.elements import (
     heading,
     notify,
     number,
+    panel,
     set_text,
     tag,
+    text_field,
 )
 from truing.web.pages.live import task_panel
 from truing.web.pages.procedure_panel import ProcedurePanel
@@ -48,12 +51,7 @@ _NOTHING = {
 }
 
 
-def build(session: ViewSession, address: Address) -> None:
-    """The page."""
-    _ExperimentsPage(session, address).build()
-
-
-class _ExperimentsPage:
+class ExperimentsPage:
     """A plan that is chosen, and the run that was driven last."""
 
     def __init__(self, session: ViewSession, address: Address) -> None:
@@ -95,9 +93,8 @@ class _ExperimentsPage:
         ui.timer(0.4, self._look)
 
     def _choice(self) -> None:
-        with tag("div"):
-            heading("Experiment")
-            with tag("div", classes="picks"):
+        with panel("Experiment"):
+            with tag("div", classes="picks rows"):
                 self.groups = Select("Kind", GROUPS, self.group, self.choose_group)
                 self.plans = Select("Plan", {"": "–"}, "", self.choose_plan)
             self.step_box = tag("div", classes="row-tight", style="margin-top:8px")
@@ -117,16 +114,11 @@ class _ExperimentsPage:
         number("log rate, Hz", step.rate_hz, lambda v: self.set_step(rate_hz=v), low=1, high=200, step=10)
 
     def _run_part(self) -> None:
-        with tag("div"):
-            heading("Run")
-            with tag("div", classes="row-tight", style="align-items:end"):
-                own = str(self.session.run_folder)
-                self.target = Select("Add to set", {own: "this board's own"}, own, self._choose_target)
-                self.name = ui.input("Name", value=self.new_set).props("dense outlined dark")
-                self.name.style("width:150px").on_value_change(
-                    lambda event: setattr(self, "new_set", str(event.value))
-                )
-                button("Preview and run", self.run, strong=True)
+        with panel("Run"), tag("div", classes="row-tight", style="align-items:end"):
+            own = str(self.session.run_folder)
+            self.target = Select("Add to set", {own: "this board's own"}, own, self._choose_target)
+            self.name = text_field("Name", self.new_set, partial(setattr, self, "new_set"), width_px=150)
+            button("Preview and run", self.run, strong=True)
         self.name.set_visibility(False)
 
     def _choose_target(self, target: str) -> None:

@@ -7,7 +7,7 @@ from functools import partial
 from truing.web.pages.address import Address
 from truing.web.pages.components import LiveKeys, Plot, TopView
 from truing.web.pages.control import ControlGate
-from truing.web.pages.elements import Toggle, button, heading, live_text, tag
+from truing.web.pages.elements import Toggle, button, live_text, panel, tag
 from truing.web.session import ViewSession
 
 _KEYS = (
@@ -53,24 +53,22 @@ def build(session: ViewSession, address: Address) -> None:
 
 def instruments() -> None:
     """Speeds, efforts and their recent history."""
-    with tag("div"):
-        heading("Wheels")
-        with tag("div", classes="gauges"):
-            tag("span", "")
-            tag("span", "left", "head left")
-            tag("span", "right", "head right")
-            for name, unit, text in (
-                ("command", "m/s", "commanded"),
-                ("speed", "m/s", "measured"),
-                ("effort", "%", "effort"),
-            ):
-                tag("span", f"{text}, {unit}", "name")
-                live_text(f"{name}-left", "num left")
-                live_text(f"{name}-right", "num right")
-            tag("span", "")
-            for side in ("left", "right"):
-                with tag("div", classes=f"meter {side}", aria_hidden="true"):
-                    tag("span", data_live_bar=f"effort-{side}")
+    with panel("Wheels"), tag("div", classes="gauges"):
+        tag("span", "")
+        tag("span", "left", "head left")
+        tag("span", "right", "head right")
+        for name, unit, text in (
+            ("command", "m/s", "commanded"),
+            ("speed", "m/s", "measured"),
+            ("effort", "%", "effort"),
+        ):
+            tag("span", f"{text}, {unit}", "name")
+            live_text(f"{name}-left", "num left")
+            live_text(f"{name}-right", "num right")
+        tag("span", "")
+        for side in ("left", "right"):
+            with tag("div", classes=f"meter {side}", aria_hidden="true"):
+                tag("span", data_live_bar=f"effort-{side}")
     Plot("Wheel speeds, commands and efforts", source="live").classes("strip")
     drive_panel()
     pose_facts()
@@ -78,8 +76,7 @@ def instruments() -> None:
 
 def pose_facts() -> None:
     """The robot's pose and how well it is known."""
-    with tag("div"):
-        heading("Pose")
+    with panel("Pose"):
         facts(
             ("x", "x, m"),
             ("theta", "heading, °"),
@@ -102,8 +99,7 @@ def facts(*rows: tuple[str, str]) -> None:
 
 def drive_panel() -> None:
     """Take control, drive, change speed."""
-    with tag("div"):
-        heading("Drive")
+    with panel("Drive"):
         with tag("div", classes="row-tight"):
             tag("button", "Take control", "plain strong", type="button", data_live_claim="")
             button("−", label="slower").on(
@@ -124,8 +120,7 @@ def drive_panel() -> None:
 def connection(session: ViewSession) -> None:
     """Board and link state; connect and disconnect."""
     gate = ControlGate(session)
-    with tag("div"):
-        heading("Board")
+    with panel("Board"):
         facts(
             ("board-name", "board"),
             ("battery", "battery, V"),
@@ -145,8 +140,7 @@ def connection(session: ViewSession) -> None:
 
 def task_panel() -> None:
     """The running plan and its result."""
-    with tag("div"):
-        heading("Plan")
+    with panel("Plan"):
         with tag("p", style="margin:0 0 4px", role="status"):
             live_text("task", "")
         with tag("div", classes="meter task", aria_hidden="true"):

@@ -24,7 +24,7 @@ from truing.web.models.error_model import (
 )
 from truing.web.pages.address import Address
 from truing.web.pages.components import DropZone, ParameterSlider
-from truing.web.pages.elements import Choice, Select, button, heading, notify, tag
+from truing.web.pages.elements import Choice, Select, button, notify, panel, tag
 from truing.web.pages.model_export import ModelExport
 from truing.web.pages.run_stage import RunStage
 from truing.web.runs.dropped_files import ADDRESS, MAX_BYTES
@@ -43,12 +43,7 @@ _ABOUT = {
 }
 
 
-def build(session: ViewSession, address: Address) -> None:
-    """The page."""
-    _ModelsPage(session, address).build()
-
-
-class _ModelsPage:
+class ModelsPage:
     """A model under adjustment; saving makes it the robot's model."""
 
     def __init__(self, session: ViewSession, address: Address) -> None:
@@ -66,18 +61,16 @@ class _ModelsPage:
         with tag("div", classes="view broad"):
             self.stage.picture("Overlay")
             with tag("section", classes="side", aria_label="Error model"):
-                with tag("div"):
-                    heading("Run")
+                with panel("Run"):
                     self.stage.choice()
-                with tag("div"):
-                    heading("Error model")
+                with panel("Error model"):
                     Choice("Error model", _TEXTS, self.choice.kind, self.set_kind)
                     self.about = tag("p", classes="dim note", style="margin:6px 0 0")
                     self.diagnosis_box = tag("div", classes="picks", style="margin-top:6px")
                 self.slider_box = tag("div", classes="sliders")
                 with tag("div"):
                     with tag("p", classes="note", role="status", style="margin:0"):
-                        self.error = tag("span", "", "num")
+                        self.error = tag("span", "", "num", style="white-space:normal")
                     with tag("div", classes="row-tight", style="margin-top:6px"):
                         button("Save as the robot's model", self.save, strong=True)
                         button("Reset values", self.reset)

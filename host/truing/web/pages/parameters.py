@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from nicegui import background_tasks, context, ui
+from nicegui import background_tasks, context
 
 from truing.board.device import Device
 from truing.board.parameter_file import read_parameter_file, same_on_the_board, write_parameter_file
@@ -17,7 +17,7 @@ from truing.errors import TruingError, with_next
 from truing.web.pages.address import Address
 from truing.web.pages.components import NumberField
 from truing.web.pages.control import ControlGate
-from truing.web.pages.elements import PlainTable, Select, button, heading, notify, set_text, tag
+from truing.web.pages.elements import PlainTable, Select, button, notify, panel, set_text, tag, text_field
 from truing.web.path.sequence_file import checked_name
 from truing.web.session import ViewSession
 
@@ -25,13 +25,7 @@ _STORED = "what the board has stored"
 _DEFAULT = "the defaults"
 
 
-def build(session: ViewSession, address: Address) -> None:
-    """The page."""
-    page = _ParametersPage(session, address)
-    page.build()
-
-
-class _ParametersPage:
+class ParametersPage:
     """The parameters in force, and what they are compared with."""
 
     def __init__(self, session: ViewSession, address: Address) -> None:
@@ -48,8 +42,7 @@ class _ParametersPage:
         with tag("div", classes="view"):
             with tag("section", classes="stage listing", aria_label="Parameters", tabindex="0"):
                 with tag("div", classes="tools"):
-                    field = ui.input("Search", value=self.search).props("dense outlined dark clearable")
-                    field.on_value_change(lambda event: self.set_search(str(event.value or "")))
+                    text_field("Search", self.search, self.set_search, width_px=200, more="clearable")
                     button("Read again", self.read)
                 self.table = tag("table", classes="plain parameters", aria_label="Parameters of the board")
             with tag("section", classes="side", aria_label="Store and comparison"):
@@ -58,8 +51,7 @@ class _ParametersPage:
         self.read()
 
     def _store_part(self) -> None:
-        with tag("div"):
-            heading("Store")
+        with panel("Store"):
             self.status = tag("p", classes="note", role="status", style="margin:0 0 6px")
             with tag("div", classes="row-tight"):
                 self._action(
@@ -67,19 +59,14 @@ class _ParametersPage:
                 )
                 self._action("Load what is stored", "load the parameters", lambda d: d.load_parameters())
                 self._action("Defaults", "set the defaults", lambda d: d.default_parameters())
-        with tag("div"):
-            heading("File")
+        with panel("File"):
             with tag("div", classes="row-tight"):
-                name = (
-                    ui.input("Name", value=self.file_name).props("dense outlined dark").style("width:130px")
-                )
-                name.on_value_change(lambda event: setattr(self, "file_name", str(event.value)))
+                text_field("Name", self.file_name, partial(setattr, self, "file_name"))
                 button("Save to file", self.save_file)
             self.saved = tag("p", classes="note dim", role="status", style="margin:4px 0 0")
 
     def _compare_part(self) -> None:
-        with tag("div"):
-            heading("Difference")
+        with panel("Difference"):
             self.other = Select("Compare with", self._others(), self.address.text("with"), self.compare)
             self.difference = tag("p", classes="note", role="status", style="margin:6px 0")
             with tag("div", classes="many"):
@@ -150,8 +137,9 @@ class _ParametersPage:
         self.table.clear()
         with self.table:
             with tag("thead"), tag("tr"):
-                for head in ("parameter", "value", "unit", "stored", "default", "limits", "meaning"):
+                for head in ("parameter", "value", "unit", "stored", "default", "limits"):
                     tag("th", head, scope="col")
+                tag("th", "meaning", "meaning", scope="col")
             with tag("tbody"):
                 for name, parameter in self.found.items():
                     if self.search.lower() in f"{name} {parameter.info.doc}".lower():

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from nicegui import background_tasks, context, ui
+from nicegui import context, ui
 
 from truing.errors import TruingError, with_next
 from truing.web.models.error_model import ModelChoice
 from truing.web.pages.address import Address
 from truing.web.pages.components import Plot, TopView
-from truing.web.pages.elements import PlainTable, button, heading, notify, tag
+from truing.web.pages.elements import PlainTable, button, heading, notify, tag, tick
+from truing.web.pages.redraw import Redraw
 from truing.web.pages.run_choice import NO_RUNS, RunChoice
 from truing.web.session import ViewSession
 from truing.web.views.figures import empty_figure
@@ -44,8 +45,7 @@ class RunStage:
         self.on_drawn = on_drawn or (lambda _: None)
         self.more: list[Path] = []
         self._more_names = address.text("more").split(",")
-        self._requested = False
-        self._busy = False
+        self.draw = Redraw(self._draw)
         self._shown: Path | None = None
         self._client = context.client
 
@@ -110,16 +110,7 @@ class RunStage:
         with box:
             tag("summary", f"Measured paths of other runs of this set ({len(others)})")
             for path in others:
-                with tag("label", classes="tick"):
-                    mark = tag("input", type="checkbox", aria_label=f"also draw {path.stem}")
-                    if path in self.more:
-                        mark._props["checked"] = True
-                    mark.on(
-                        "change",
-                        lambda event, path=path: self.add(path, event.args is True),
-                        js_handler="(e) => emit(e.target.checked)",
-                    )
-                    tag("span", path.stem)
+                tick(f"also draw {path.stem}", path.stem, path in self.more, partial(self.add, path))
 
     def add(self, path: Path, wanted: bool) -> None:
         """Draw another run as well, or remove it."""
@@ -132,37 +123,24 @@ class RunStage:
 
     # ---- drawing
 
-    def draw(self) -> None:
-        """Request a redraw; requests during a redraw are merged into one."""
-        self._requested = True
-        if not self._busy:
-            self._busy = True
-            background_tasks.create(self._draw())
-
     async def _draw(self) -> None:
+        run = self.run
+        if run is None:
+            self._clear(NO_RUNS)
+            return
+        if run != self._shown:
+            self._clear(f"{run.stem}: {_BUSY}")
+        self._set_status(_BUSY)
         try:
-            while self._requested:
-                self._requested = False
-                run = self.run
-                if run is None:
-                    self._clear(NO_RUNS)
-                    return
-                if run != self._shown:
-                    self._clear(f"{run.stem}: {_BUSY}")
-                self._set_status(_BUSY)
-                try:
-                    found = await self.session.simulation.ask(self._request(run))
-                except TruingError as error:
-                    if run == self.run:
-                        self._clear(f"{run.stem} cannot be shown", with_next(error))
-                    continue
-                if run == self.run:
-                    self._shown = run
-                    with self._client:
-                        self._show(found)
-                await asyncio.sleep(0)
-        finally:
-            self._busy = False
+            found = await self.session.simulation.ask(self._request(run))
+        except TruingError as error:
+            if run == self.run:
+                self._clear(f"{run.stem} cannot be shown", with_next(error))
+            return
+        if run == self.run:
+            self._shown = run
+            with self._client:
+                self._show(found)
 
     def _request(self, run: Path) -> dict[str, Any]:
         return {

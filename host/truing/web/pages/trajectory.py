@@ -20,11 +20,12 @@ from truing.web.pages.elements import (
     PlainTable,
     Select,
     button,
-    heading,
     notify,
     number,
+    panel,
     set_text,
     tag,
+    text_field,
 )
 from truing.web.pages.live import task_panel
 from truing.web.pages.run_preview import RunPreview
@@ -49,11 +50,6 @@ _UNDONE_CYCLES = 10
 _KINDS: dict[str, Kind] = {str(kind): kind for kind in KINDS}
 
 
-def build(session: ViewSession, address: Address) -> None:
-    """The page."""
-    _TrajectoryPage(session, address).build()
-
-
 @dataclass(frozen=True, slots=True)
 class _Drawn:
     """A path: its start, and nodes or control inputs."""
@@ -63,7 +59,7 @@ class _Drawn:
     cycles: tuple[Cycle, ...]
 
 
-class _TrajectoryPage:
+class TrajectoryPage:
     """A trajectory under construction; each page has its own."""
 
     def __init__(self, session: ViewSession, address: Address) -> None:
@@ -100,8 +96,7 @@ class _TrajectoryPage:
             with tag("section", classes="side", aria_label="Control inputs"):
                 self._speed()
                 self._start()
-                with tag("div"):
-                    heading("Control inputs u(t)")
+                with panel("Control inputs"):
                     self.summary = tag("p", classes="num", role="status", style="margin:0")
                     self.limits_text = tag("p", classes="limited", role="status", style="margin:0")
                     self.table = PlainTable("The last control inputs")
@@ -130,8 +125,7 @@ class _TrajectoryPage:
 
     def _speed(self) -> None:
         limits = self.by_keys.limits
-        with tag("div"):
-            heading("Drive by keys")
+        with panel("Drive by keys"):
             with tag("div", classes="row-tight"):
                 for key, text in (("forward", "↑"), ("back", "↓"), ("left", "←"), ("right", "→")):
                     tag("button", text, "plain", type="button", data_live_key=key, aria_label=key)
@@ -149,23 +143,18 @@ class _TrajectoryPage:
             )
 
     def _start(self) -> None:
-        with tag("div"):
-            heading("Start")
-            with tag("div", classes="row-tight"):
-                x, y, theta = self.start.as_list()
-                degrees = round(math.degrees(theta), 2)
-                self.start_fields = (
-                    number("x, m", x, lambda v: self.set_start(x=v), low=-50, high=50, step=0.1),
-                    number("y, m", y, lambda v: self.set_start(y=v), low=-50, high=50, step=0.1),
-                    number(
-                        "heading, °", degrees, lambda v: self.set_start(theta=v), low=-360, high=360, step=5
-                    ),
-                )
-                button("Where the robot is", self.start_at_robot)
+        with panel("Start"), tag("div", classes="row-tight"):
+            x, y, theta = self.start.as_list()
+            degrees = round(math.degrees(theta), 2)
+            self.start_fields = (
+                number("x, m", x, lambda v: self.set_start(x=v), low=-50, high=50, step=0.1),
+                number("y, m", y, lambda v: self.set_start(y=v), low=-50, high=50, step=0.1),
+                number("heading, °", degrees, lambda v: self.set_start(theta=v), low=-360, high=360, step=5),
+            )
+            button("Where the robot is", self.start_at_robot)
 
     def _replay(self) -> None:
-        with tag("div"):
-            heading("Simulated replay")
+        with panel("Simulated replay"):
             with tag("div", classes="row-tight"):
                 Choice(
                     "Error model of the replay",
@@ -177,12 +166,9 @@ class _TrajectoryPage:
             self.replayed = tag("p", classes="note num", role="status", style="margin:4px 0 0")
 
     def _file(self) -> None:
-        with tag("div"):
-            heading("Sequence")
+        with panel("Sequence"):
             with tag("div", classes="row-tight"):
-                name = ui.input("Name", value=self.name).props("dense outlined dark").style("width:130px")
-                self.name_field = name
-                name.on_value_change(lambda event: self.set_name(str(event.value)))
+                self.name_field = text_field("Name", self.name, self.set_name)
                 button("Reset", self.reset)
                 button("Save", self.save)
                 button("Upload and run", self.run, strong=True)

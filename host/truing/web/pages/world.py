@@ -12,7 +12,7 @@ from truing.errors import TruingError, with_next
 from truing.web.pages.address import Address
 from truing.web.pages.components import LiveKeys, TopView
 from truing.web.pages.control import ControlGate
-from truing.web.pages.elements import Choice, Select, Toggle, button, heading, notify, number, tag
+from truing.web.pages.elements import Choice, Select, Toggle, button, notify, number, panel, tag, text_field
 from truing.web.pages.live import drive_panel
 from truing.web.path.sequence_file import checked_name
 from truing.web.pose import Pose
@@ -33,13 +33,7 @@ _WALL_M = 0.05
 _MAX_POINTS = 1500
 
 
-def build(session: ViewSession, address: Address) -> None:
-    """The page."""
-    page = _WorldPage(session, address)
-    page.build()
-
-
-class _WorldPage:
+class WorldPage:
     """State of one page."""
 
     def __init__(self, session: ViewSession, address: Address) -> None:
@@ -67,28 +61,19 @@ class _WorldPage:
                     button("Redo", self.redo, data_redo="")
                     button("Fit", self.top.fit)
             with tag("section", classes="side", aria_label="World and sensors"):
-                with tag("div"):
-                    heading("Map")
+                with panel("Map"):
                     with tag("div", classes="row-tight"):
                         number("Brush, m", self.brush_m, self.set_brush, low=0.05, high=1.0, step=0.05)
-                        name = (
-                            ui.input("Name", value=self.name)
-                            .props("dense outlined dark")
-                            .style("width:110px")
-                        )
-                        name.on_value_change(lambda event: self.set_name(str(event.value)))
-                        self.name_field = name
+                        self.name_field = text_field("Name", self.name, self.set_name, width_px=110)
                     with tag("div", classes="row-tight", style="margin-top:8px"):
                         button("Save", self.save, strong=True)
                         button("Load", lambda: self.gate.run("replace the world", self.load))
                         button("Clear", lambda: self.gate.run("clear the world", self.clear))
                     self.maps = Select("Open a saved map", {}, "", self.open_map)
                     self.list_maps()
-                with tag("div"):
-                    heading("Sensors")
+                with panel("Sensors"):
                     self._sensors()
-                with tag("div"):
-                    heading("Global map")
+                with panel("Global map"):
                     Choice("Global map", _GRIDS, self.grid, self.show_grid)
                     with tag("div", classes="row-tight", style="margin-top:8px"):
                         Toggle("Odometry pose", False, lambda on: self.top.set(odometry=on))

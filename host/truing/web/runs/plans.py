@@ -58,7 +58,7 @@ def plans_of(group: str, sequences: Path, diagnoses: Path) -> dict[str, str]:
     """Name or path, and text, of every plan of a group."""
     if group in ("diagnosis", "paper", "other"):
         names = [name for name in built_in_names() if _group_of(name) == group]
-        return {name: f"{name.rpartition('/')[2]}: {load_plan(name).title}" for name in names}
+        return {name: _listed(name.rpartition("/")[2], load_plan(name).title) for name in names}
     if group == "saved":
         return {str(path): path.stem for path in _newest_first(sequences.glob("*.toml"))}
     if group == "next":
@@ -82,6 +82,11 @@ def plan_named(group: str, name: str, sequences: Path, diagnoses: Path) -> Plan 
 def _group_of(name: str) -> str:
     folder = name.rpartition("/")[0]
     return folder if folder in ("diagnosis", "paper") else "other"
+
+
+def _listed(name: str, title: str) -> str:
+    """Name and title; a paper's test has its number in both."""
+    return f"{name}: {title.removeprefix(f'Test {name}: ')}"
 
 
 def _newest_first(files: object) -> list[Path]:
