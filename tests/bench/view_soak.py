@@ -30,7 +30,7 @@ _MINUTES = float(os.environ.get("TRUING_SOAK_MINUTES", "10"))
 # Before the first measurement: modules are imported and rollouts compiled, once.
 _WARM_ROUNDS = 3
 _BAR_MB = 20.0
-_DIAGNOSED_S, _DIAGNOSED_SHARE = 20.0, 0.05
+_DIAGNOSED_S, _DIAGNOSED_SHARE = 20.0, 0.02
 _PAGES = (
     ("1", "Live"),
     ("2", "World"),

@@ -167,10 +167,10 @@ class AnalysisPage:
         try:
             found = await self.session.simulation.ask(self._request("analyse"))
         except TruingError as error:
-            if run == self.runs.run:
+            if run == self.runs.run and not self.plot.is_deleted:
                 self._clear(with_next(error))
             return
-        if run == self.runs.run:
+        if run == self.runs.run and not self.plot.is_deleted:
             self._shown = run
             with self.client:
                 self._show(found)

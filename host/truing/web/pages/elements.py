@@ -30,6 +30,11 @@ class Select:
         self._select.on("change", self._changed, js_handler="(e) => emit(e.target.value)")
         self.fill(options, value)
 
+    @property
+    def is_deleted(self) -> bool:
+        """Whether its page was left. What is put into a page then is never shown, and never freed."""
+        return self._select.is_deleted
+
     def fill(self, options: dict[str, str], value: str) -> None:
         """Replace the options."""
         self.value = value if value in options else next(iter(options), "")

@@ -132,6 +132,8 @@ class ExperimentsPage:
 
     async def _list_sets(self, chosen: Path | None = None) -> None:
         found = await asyncio.to_thread(find_sets, self.session.run_folder.parent)
+        if self.result.is_deleted:
+            return
         own = self.session.run_folder
         options = {str(own): f"{own.name} (this board's own)"}
         self._sets = {str(own if one.path == own.resolve() else one.path): one for one in found}
@@ -189,6 +191,8 @@ class ExperimentsPage:
             proof, _ = await self.session.tuning.plans()
         except TruingError as error:
             notify(with_next(error), good=False)
+            return
+        if self.result.is_deleted:
             return
         with self.client:
             self.show_plan(proof)
@@ -270,7 +274,7 @@ class ExperimentsPage:
     async def _show_run(self, run: Path) -> None:
         found = await asyncio.to_thread(find_sets, self.session.run_folder.parent)
         home = next((one for one in found if run.resolve() in [path.resolve() for path in one.runs]), None)
-        if home is None:
+        if home is None or self.result.is_deleted:
             return
         with self.client:
             self.result.clear()

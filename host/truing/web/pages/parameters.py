@@ -91,9 +91,10 @@ class ParametersPage:
             await asyncio.wrap_future(self.session.worker.call(work))
         finally:
             found = await asyncio.wrap_future(self.session.worker.read_parameters())
-            with self.client:
-                self.found = found
-                self.show()
+            if not self.table.is_deleted:
+                with self.client:
+                    self.found = found
+                    self.show()
 
     async def _guarded(self, work: Callable[[], Awaitable[None]]) -> None:
         try:

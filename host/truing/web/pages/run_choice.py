@@ -82,6 +82,8 @@ class RunChoice:
 
     async def _find(self, chosen: Path | None) -> None:
         found = await asyncio.to_thread(find_sets, self.session.run_folder.parent)
+        if self._set.is_deleted:
+            return
         with self._client:
             self._show(found, chosen)
 

@@ -134,10 +134,10 @@ class RunStage:
         try:
             found = await self.session.simulation.ask(self._request(run))
         except TruingError as error:
-            if run == self.run:
+            if run == self.run and not self.plot.is_deleted:
                 self._clear(f"{run.stem} cannot be shown", with_next(error))
             return
-        if run == self.run:
+        if run == self.run and not self.plot.is_deleted:
             self._shown = run
             with self._client:
                 self._show(found)
