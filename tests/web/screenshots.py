@@ -5,10 +5,10 @@ With `--readme` the two pictures of the README as well, in few colours.
 
 from __future__ import annotations
 
-import json
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
@@ -16,8 +16,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
+from truing.web.views.mismatch_map import mismatch_map
 from web.browser_rig import MARK_FIRST_PICTURE
-from web.synthetic_runs import VERDICT
+from web.synthetic_runs import time_cells, write_diagnosis
 from web.view_process import ViewProcess
 
 SIZES = {"wide": (1280, 720), "narrow": (390, 844)}
@@ -59,7 +60,7 @@ def main(folder: Path, *, readme: bool = False) -> None:
                     time.sleep(1.0)
                     print(f"{name}, {size}: first picture after {page.evaluate('window.firstMs'):.0f} ms")
                     prepare(page)
-                    page.screenshot(path=folder / f"{name}-{size}.png")
+                    page.screenshot(path=folder / f"{name.partition('=')[2] or name}-{size}.png")
                     page.close()
             browser.close()
     finally:
@@ -96,8 +97,10 @@ def _runs(out: Path) -> None:
                 raise SystemExit(f"{file}: {task}")
     finally:
         session.close()
-    (out / "diagnoses").mkdir(exist_ok=True)
-    (out / "diagnoses/square.json").write_text(json.dumps(VERDICT))
+    names = ("01_square", "02_XI", "03_XVII")
+    cells = [replace(time_cells(wheel), runs=names) for wheel in ("left", "right")]
+    stretches = [{"run": "03_XVII", "span": [1.0, 1.5], "text": "03_XVII, 1.0 to 1.5 s: right wheel"}]
+    write_diagnosis(out, "recordings-square", map=mismatch_map(cells), stretches=stretches)
 
 
 def _until(condition: Callable[[], bool], seconds: float = 120.0) -> None:
@@ -136,7 +139,7 @@ def _compare(page: Page) -> None:
 
 def _models(page: Page) -> None:
     page.get_by_role("button", name="Diagnosed", exact=True).click()
-    page.get_by_label("Diagnosis", exact=True).select_option(label="square")
+    page.get_by_label("Diagnosis", exact=True).select_option(label="recordings-square")
     _square(page)
 
 
@@ -148,9 +151,22 @@ def _analysis(page: Page) -> None:
     time.sleep(4.0)
 
 
+def _mismatch(page: Page) -> None:
+    page.get_by_label("Set", exact=True).select_option(label="recordings/square")
+    page.get_by_role("button", name="Mismatch", exact=True).click()
+    page.wait_for_function("document.querySelector('.plot canvas').plot.figure.panels[0]?.map")
+    canvas = page.locator(".plot canvas")
+    canvas.focus()
+    for key in ("ArrowDown", "ArrowDown", "i"):
+        page.keyboard.press(key)
+    time.sleep(0.5)
+
+
 def _experiments(page: Page) -> None:
     page.get_by_label("Kind", exact=True).select_option(value="diagnosis")
     page.get_by_label("Plan", exact=True).select_option(value="diagnosis/reversals")
+    shown = "document.querySelector('.plot canvas').plot.figure.revision"
+    page.wait_for_function(f"{shown} === 'diagnosis/reversals'")
     time.sleep(1.0)
 
 
@@ -161,6 +177,7 @@ PAGES: dict[str, Callable[[Page], None]] = {
     "compare": _compare,
     "models": _models,
     "analysis": _analysis,
+    "analysis?view=mismatch": _mismatch,
     "scene": _drive,
     "experiments": _experiments,
     "parameters": lambda page: page.get_by_label("wheelbase_m", exact=True).wait_for(),
