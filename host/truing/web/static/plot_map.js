@@ -34,11 +34,11 @@ export function paintMap(c, map, box, x, pointed) {
     c.fillStyle = colour(map, value);
     c.fillRect(x(map.edges[column]), y(k), x(map.edges[column + 1]) - x(map.edges[column]) + 0.5, each + 0.5);
   }));
-  c.fillStyle = "#e6edf5";
+  c.fillStyle = "#0e1116"; c.strokeStyle = "#e6edf5"; c.lineWidth = 1; // seen on dark cells and on bright ones
   for (const [row, column] of map.marked) {
     c.beginPath();
-    c.arc((x(map.edges[column]) + x(map.edges[column + 1])) / 2, y(row) + each / 2, Math.min(2, each / 4), 0, 2 * Math.PI);
-    c.fill();
+    c.arc((x(map.edges[column]) + x(map.edges[column + 1])) / 2, y(row) + each / 2, Math.min(2.5, each / 4), 0, 2 * Math.PI);
+    c.fill(); c.stroke();
   }
   if (pointed) {
     const column = columnAt(map, pointed.t);
