@@ -61,6 +61,7 @@ def test_a_filled_page_comes_soon_and_is_whole_at_every_width_and_by_keys(browse
     page = open_page(browser, rig, problems, path)
     try:
         wait(lambda: page.evaluate(FILLED[path]), "content", 60.0)
+        wait(lambda: page.evaluate("window.firstMs"), "a first picture")
         assert page.evaluate("window.firstMs") < _FIRST_PICTURE_MS
         assert out_of_reach_by_tab(page) == []
         for width, height in ((1280, 720), (1024, 720), (900, 720), (390, 844)):
