@@ -256,9 +256,9 @@ def test_the_next_experiment_is_driven_and_joins_the_set(page, rig):
     page.locator(".plot canvas").focus()
     for key in ("ArrowDown", "ArrowDown", "i"):
         page.keyboard.press(key)
-    readout = page.locator(".plot-readout").inner_text()
-    assert readout.startswith("02_straight")
-    assert "left, refitted 0.9" in readout
+    readout = page.locator(".plot-readout")
+    wait(lambda: readout.inner_text().startswith("02_straight"), "the second run's cell")
+    assert "left, refitted 0.9" in readout.inner_text()
     with page.expect_download() as download:
         page.get_by_role("button", name="Save the curves as CSV").click()
     table = download.value.path().read_text().splitlines()
