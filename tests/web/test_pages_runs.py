@@ -20,6 +20,7 @@ from web.browser_rig import (
     start_run,
     wait,
 )
+from web.page_reach import cut_texts, out_of_reach_by_tab
 from web.synthetic_runs import BASELINE, TAU_S, VERDICT, synthetic_set, write_diagnosis
 
 pytestmark = [pytest.mark.xdist_group("browser"), pytest.mark.slow]
@@ -362,6 +363,8 @@ def test_a_dropped_table_is_asked_about_and_a_sysid_file_is_a_set_of_its_own(pag
     box.get_by_text("The columns are taken so").wait_for()
     assert "speedL" in box.get_by_role("table").inner_text()
     assert not accessibility_violations(page)
+    assert not out_of_reach_by_tab(page)
+    assert not cut_texts(page)
     box.get_by_label("Mapping").fill(
         '[columns]\nt_s = "time"\neffort_left = "pwmL"\neffort_right = "pwmR"\n'
         'vel_left_mps = "speedL"\nvel_right_mps = "speedR"\n'
