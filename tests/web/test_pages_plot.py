@@ -10,6 +10,7 @@ from web.browser_rig import (
     drive_by_key,
     go,
     live,
+    open_page,
     run_to_the_end,
     speed,
     start_run,
@@ -133,7 +134,8 @@ def test_the_live_plot_is_paused_scrolled_back_and_goes_on(page):
     wait(lambda: window(page)[1] > high, "the present")
 
 
-def test_trajectory_shows_the_robot_on_its_way_beside_the_desired_path(page):
+def test_trajectory_shows_the_robot_on_its_way_beside_the_desired_path(browser, rig, problems):
+    page = open_page(browser, rig, problems, every_picture=True)  # the way is followed picture by picture
     go(page, "3", "Trajectory")
     choose_tool(page, "Lines", "line")
     box = page.locator("main canvas").first.bounding_box()
@@ -145,3 +147,5 @@ def test_trajectory_shows_the_robot_on_its_way_beside_the_desired_path(page):
     assert len(driven) > 5
     assert desired[0][:2] == pytest.approx(driven[0][:2], abs=0.05)
     assert desired[-1][:2] == pytest.approx(driven[-1][:2], abs=0.1)
+    page.close()
+    assert not problems
