@@ -11,12 +11,10 @@ import math
 from dataclasses import dataclass
 from xml.etree import ElementTree as Xml
 
-from truing.trial.engines.nominal import WHEEL_SHARE, NominalRobot
+from truing.trial.engines.nominal import WHEEL_SHARE
+from truing.trial.engines.robot import GRAVITY, EngineRobot
 
 STEP_S = 0.001
-GRAVITY = 9.81
-# Of tyre on floor where nothing is hidden: no drive of the nominal robots slips.
-GRIP = 2.0
 # MuJoCo allows no time constant of a constraint below two steps, and no impedance above 0.9999.
 _STIFF = f"{2.0 * STEP_S:g} 1"
 _IMPEDANCE = "0.9999 0.9999 0.001 0.5 2"
@@ -34,62 +32,31 @@ class Brush:
 
 
 @dataclass(frozen=True)
-class MujocoRobot:
-    """The robot as it is built; left at its defaults it is healthy.
+class MujocoRobot(EngineRobot):
+    """What MuJoCo can change beyond what all engines can; the delay is the actuators'.
 
     Attributes
     ----------
-    friction_nm, damping_nms : of the axles' joints, left and right, beyond the nominal ones.
-    slope_rad, uphill_rad : inclination of the floor, and the heading that points uphill.
-    grip, torsion_m, rolling_m : the tyres' contact: sliding, torsional and rolling friction.
-    load_kg, load_from_run : a load over the wheels, from this run on.
-    yaw_factor : yaw inertia over the nominal one.
     play_rad : gap between motor and wheel, left and right; 0: none.
     shaft_nm_per_rad : stiffness of a shaft between motor and wheel; 0: it is rigid.
-    delay_s, filter_s : of the actuators.
+    filter_s : of the actuators.
     torque_limit : largest torque of the actuators over the stall torque; 0: none.
     air_kgpm3 : density of the medium.
-    radius_factor, track_factor : tyres and track over the nominal ones.
     caster_trail_m, caster_load : of a swivel caster in front, and the share of the weight on it.
-    bump_m, bump_at_m : height of a step in the floor, and where it lies.
-    pendulum_kg, pendulum_m : mass that hangs inside, and on what length.
     cogging_nm, cogging_per_rev : of the motors.
     brush : friction of the motors.
     """
 
-    nominal: NominalRobot
-    friction_nm: tuple[float, float] = (0.0, 0.0)
-    damping_nms: tuple[float, float] = (0.0, 0.0)
-    slope_rad: float = 0.0
-    uphill_rad: float = 0.0
-    grip: float = GRIP
-    torsion_m: float = 0.0
-    rolling_m: float = 0.0
-    load_kg: float = 0.0
-    load_from_run: int = 0
-    yaw_factor: float = 1.0
     play_rad: tuple[float, float] = (0.0, 0.0)
     shaft_nm_per_rad: float = 0.0
-    delay_s: float = 0.0
     filter_s: float = 0.0
     torque_limit: float = 0.0
     air_kgpm3: float = 0.0
-    radius_factor: tuple[float, float] = (1.0, 1.0)
-    track_factor: float = 1.0
     caster_trail_m: float = 0.0
     caster_load: float = 0.0
-    bump_m: float = 0.0
-    bump_at_m: float = 0.0
-    pendulum_kg: float = 0.0
-    pendulum_m: float = 0.1
     cogging_nm: tuple[float, float] = (0.0, 0.0)
     cogging_per_rev: int = 0
     brush: tuple[Brush, Brush] | None = None
-
-    @property
-    def track_m(self) -> float:
-        """Distance between the wheels."""
-        return self.nominal.wheelbase_m * self.track_factor
 
     @property
     def split(self) -> bool:
@@ -105,16 +72,6 @@ class MujocoRobot:
     def full_control(self) -> float:
         """Control value of full effort."""
         return _SUPPLY_V if self.has_dcmotor else 1.0
-
-    @property
-    def gravity(self) -> tuple[float, float, float]:
-        """Gravity along the floor's axes, m/s²."""
-        along = -GRAVITY * math.sin(self.slope_rad)
-        return (
-            along * math.cos(self.uphill_rad),
-            along * math.sin(self.uphill_rad),
-            -GRAVITY * math.cos(self.slope_rad),
-        )
 
     @property
     def wheel_kg(self) -> float:

@@ -15,7 +15,8 @@ from truing.arrays import FloatArray
 from truing.trial.engines.engine import TICK_S, Driver, EngineEffect, Motion
 from truing.trial.engines.nominal import NominalRobot
 from truing.trial.engines.pybullet_effects import EFFECTS
-from truing.trial.engines.pybullet_robot import GRAVITY, BulletRobot
+from truing.trial.engines.pybullet_robot import BulletRobot
+from truing.trial.engines.robot import GRAVITY
 
 STEP_S = 0.001
 _SETTLING_S = 0.3
@@ -89,7 +90,7 @@ class _Run:
             self._dynamics(
                 wheel,
                 lateralFriction=robot.grip,
-                spinningFriction=robot.spinning_m,
+                spinningFriction=robot.torsion_m,
                 rollingFriction=robot.rolling_m,
                 jointDamping=robot.joint_damping_nms(wheel),
             )
