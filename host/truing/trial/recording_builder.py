@@ -38,6 +38,7 @@ from truing.trial.strength import (
     row_motion,
     wheel_strength,
 )
+from truing.trial.user_baseline import baseline_text
 
 # What a trial keeps of a board's log.
 _COLUMNS = tuple(name for name in LOG_COLUMNS if name not in ("segment", "faults"))
@@ -48,6 +49,8 @@ _MIN_RAW = 1e-4
 _NEAR = 0.2
 # Time for what is driven after the plans: runs that a diagnosis asks for, and runs that judge.
 _MORE_S = 140.0
+# Rows a second of the board's log.
+_RATE_HZ = 20
 
 
 @dataclass(frozen=True)
@@ -137,7 +140,9 @@ class RecordingBuilder:
             made = with_sensors(run, motion, motion.run == number, self.prepared, number)
             write_run(made, folder / "runs" / f"{made.name}.csv")
         self._written = len(driven.runs)
-        replace_file(folder / "baseline.toml", baseline_text(self.prepared.trial).encode())
+        trial = self.prepared.trial
+        text = baseline_text(trial.robot, trial.baseline_gain_mps, trial.baseline_time_constant_s, _RATE_HZ)
+        replace_file(folder / "baseline.toml", text.encode())
 
     def write_truth(self, folder: Path) -> None:
         """Write what happened in the rows of all runs without noise, with the effects and without them.
@@ -257,25 +262,6 @@ def with_sensors(
         )
         order.append(GYRO_COLUMN)
     return dataclasses.replace(run.run, columns=columns, order=tuple(order), metadata=None)
-
-
-def baseline_text(trial: Trial) -> str:
-    """The user's baseline.toml."""
-    robot = trial.robot
-    lines = [
-        "[robot]",
-        'name = "trial"',
-        f"wheel_radius_m = {robot.radius_m:.6g}",
-        f"wheelbase_m = {robot.wheelbase_m:.6g}",
-        f"counts_per_rev = {robot.counts_per_rev}",
-    ]
-    for i, side in enumerate(("left", "right")):
-        lines += [
-            f"[wheel.{side}]",
-            f"gain_mps = {trial.baseline_gain_mps[i]:.5g}",
-            f"time_constant_s = {trial.baseline_time_constant_s[i]:.5g}",
-        ]
-    return "\n".join([*lines, "[log]", "rate_hz = 20", ""])
 
 
 def answer_of(made: PreparedTrial) -> dict[str, Any]:

@@ -15,13 +15,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from truing.errors import BoardFault, Refused, TruingError, WeakEffectError
 from truing.plan import Plan, load_plan, parse_plan
 from truing.trial.recording_builder import PreparedTrial, RecordingBuilder, answer_of, prepare_trial
 from truing.trial.seal import seal
-from truing.trial.spec import Family, draw_trial, judging_plans
+from truing.trial.spec import Family, draw_trial, judging_plans, seed_of
 
 _MAX_SEEDS = 20
 
@@ -51,13 +49,6 @@ def family_of(effect: str) -> tuple[Family, tuple[str, ...] | None]:
     if effect in INTERMITTENT:
         return "intermittent", names
     return ("outside" if effect in OUTSIDE else "one"), names
-
-
-def seed_of(seed: int, attempt: int) -> int:
-    """Seed of a further robot for the same trial; the first is the trial's own."""
-    if attempt == 0:
-        return seed
-    return int(np.random.SeedSequence([seed, attempt]).generate_state(1, np.uint64)[0] >> 1)
 
 
 def _prepared(

@@ -25,6 +25,7 @@ from truing.trial.engines.strength import (
     noise_mps,
     pose_strength,
 )
+from truing.trial.user_baseline import baseline_text
 
 
 class _Replay:
@@ -154,25 +155,9 @@ def write_set(prepared: Prepared, folder: Path, progress: Progress | None = None
         write_run(run, folder / "runs" / f"{run.name}.csv")
         if progress is not None:
             progress((number + 1) / len(motions))
-    replace_file(folder / "baseline.toml", _baseline(trial).encode())
-
-
-def _baseline(trial: EngineTrial) -> str:
-    nominal = trial.nominal
-    lines = [
-        "[robot]",
-        'name = "trial"',
-        f"wheel_radius_m = {nominal.radius_m:.6g}",
-        f"wheelbase_m = {nominal.wheelbase_m:.6g}",
-        f"counts_per_rev = {nominal.counts_per_rev}",
-    ]
-    for i, side in enumerate(("left", "right")):
-        lines += [
-            f"[wheel.{side}]",
-            f"gain_mps = {trial.baseline_gain_mps[i]:.5g}",
-            f"time_constant_s = {trial.baseline_time_constant_s[i]:.5g}",
-        ]
-    return "\n".join([*lines, "[log]", f"rate_hz = {trial.recorder.rate_hz}", ""])
+    gains, constants = trial.baseline_gain_mps, trial.baseline_time_constant_s
+    text = baseline_text(trial.nominal, gains, constants, trial.recorder.rate_hz)
+    replace_file(folder / "baseline.toml", text.encode())
 
 
 def answer_of(prepared: Prepared) -> dict[str, Any]:

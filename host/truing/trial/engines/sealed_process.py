@@ -15,14 +15,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
-import numpy as np
-
 from truing.errors import TruingError, WeakEffectError
 from truing.trial.engines import ENGINES, load_engine
 from truing.trial.engines.builder import Prepared, answer_of, prepare, write_set
 from truing.trial.engines.engine import Engine
 from truing.trial.engines.spec import MODES, RATES_HZ, draw_engine_trial
 from truing.trial.seal import seal
+from truing.trial.spec import seed_of
 
 _MAX_SEEDS = 12
 
@@ -43,13 +42,6 @@ def _sayer(face: TextIO) -> Callable[..., None]:
         face.flush()
 
     return say
-
-
-def seed_of(seed: int, attempt: int) -> int:
-    """Seed of a further robot for the same trial; the first is the trial's own."""
-    if attempt == 0:
-        return seed
-    return int(np.random.SeedSequence([seed, attempt]).generate_state(1, np.uint64)[0] >> 1)
 
 
 def prepared_trial(engine: Engine[Any], effect: str, seed: int, **asked: Any) -> Prepared:
