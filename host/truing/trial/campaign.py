@@ -8,7 +8,7 @@ import shutil
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -143,13 +143,10 @@ def score(asked: Asked, result: TrialResult, place: Path) -> Score:
     ----------
     place : holds `set`, and `judged` with the judging runs that the board let end, if any.
     """
-    answer = result.answer
-    hidden = tuple(str(each["name"]) for each in answer["effects"])
-    family = str(answer["family"])
-    first = result.first.diagnosis
-    worth = judge(first.verdict, names_of(first), family, hidden, sure_names_of(first))
+    plain = verdict_score(asked, result, on_board=not asked.core)
+    answer, first, hidden = result.answer, result.first.diagnosis, plain.hidden
     later = [(one.diagnosis.verdict, names_of(one.diagnosis)) for one in result.more]
-    is_ambiguous = first.verdict == "ambiguous" and worth.named and family in IN_CATALOGUE
+    is_ambiguous = first.verdict == "ambiguous" and plain.named and plain.family in IN_CATALOGUE
     began = time.process_time()
     measured, methods = {}, {}
     if asked.judged is not None and any(asked.judged.glob("runs/*.csv")):
@@ -159,7 +156,24 @@ def score(asked: Asked, result: TrialResult, place: Path) -> Score:
 
         figures = measure(TrueModel(place / "set", asked.judged, len(first.runs), answer), first)
         measured = asdict(figures)
-        methods = {name: judge_method(said, family, hidden) for name, said in figures.opinions.items()}
+        methods = {name: judge_method(said, plain.family, hidden) for name, said in figures.opinions.items()}
+    return replace(
+        plain,
+        place_right=place_right(measured) if measured and plain.family in OUT_OF_CATALOGUE else None,
+        later=tuple(f"{kind}: {', '.join(said)}" for kind, said in later),
+        resolved=(bool(later) and resolved(later, hidden)) if is_ambiguous and asked.more_runs else None,
+        scoring_cpu_s=time.process_time() - began,
+        measured=measured,
+        methods=methods,
+    )
+
+
+def verdict_score(asked: Asked, result: TrialResult, *, on_board: bool) -> Score:
+    """Hold the first verdict against the opened answer, by its names alone."""
+    answer, first = result.answer, result.first.diagnosis
+    hidden = tuple(str(each["name"]) for each in answer["effects"])
+    family, said = str(answer["family"]), names_of(first)
+    worth = judge(first.verdict, said, family, hidden, sure_names_of(first))
     return Score(
         effect=asked.effect,
         seed=asked.seed,
@@ -168,23 +182,21 @@ def score(asked: Asked, result: TrialResult, place: Path) -> Score:
         hidden=hidden,
         strengths=tuple(float(each["strength"]) for each in answer["effects"]),
         driving=str(answer["driving"]),
-        on_board=not asked.core,
+        on_board=on_board,
         verdict=first.verdict,
-        said=names_of(first),
+        said=said,
         named=worth.named,
         named_alone=worth.named_alone,
         confidently_wrong=worth.confidently_wrong,
         right=worth.right,
-        place_right=place_right(measured) if measured and family in OUT_OF_CATALOGUE else None,
-        later=tuple(f"{kind}: {', '.join(said)}" for kind, said in later),
-        resolved=(bool(later) and resolved(later, hidden)) if is_ambiguous and asked.more_runs else None,
+        place_right=None,
+        later=(),
+        resolved=None,
         seconds=result.first.seconds,
         cpu_s=result.first.cpu_s,
         building_cpu_s=result.building_cpu_s,
-        scoring_cpu_s=time.process_time() - began,
+        scoring_cpu_s=0.0,
         sha256=result.sha256,
-        measured=measured,
-        methods=methods,
         confidences=confidences_of(first),
     )
 

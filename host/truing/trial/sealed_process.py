@@ -19,7 +19,8 @@ from truing.errors import BoardFault, Refused, TruingError, WeakEffectError
 from truing.plan import Plan, load_plan, parse_plan
 from truing.trial.recording_builder import PreparedTrial, RecordingBuilder, answer_of, prepare_trial
 from truing.trial.seal import seal
-from truing.trial.spec import Family, draw_trial, judging_plans, seed_of
+from truing.trial.seeds import seed_of
+from truing.trial.spec import Family, draw_trial, judging_plans
 
 _MAX_SEEDS = 20
 

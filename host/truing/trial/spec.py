@@ -98,13 +98,6 @@ class Trial:
         return tuple(effect.name for effect in self.effects)
 
 
-def seed_of(seed: int, attempt: int) -> int:
-    """Seed of a further robot for the same trial; the first is the trial's own."""
-    if attempt == 0:
-        return seed
-    return int(np.random.SeedSequence([seed, attempt]).generate_state(1, np.uint64)[0] >> 1)
-
-
 def draw_trial(
     seed: int,
     family: Family = "one",

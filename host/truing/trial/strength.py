@@ -17,6 +17,7 @@ from hil_sim.recorded import Samples
 from truing.arrays import FloatArray
 from truing.recording.run import ODOMETRY_COLUMNS
 from truing.trial.drives import DrivenSet
+from truing.trial.refit import displacements, fit_first_order
 from truing.trial.robot import Robot
 
 POSE_WINDOW_ROWS = 20
@@ -128,29 +129,19 @@ class FirstOrder:
 
     def refit(self, speed_mps: FloatArray, *, tied: bool = False) -> Refit:
         """Fit gain and time constant to speeds of shape (N, 2); `tied`: both sides alike."""
-        from scipy.optimize import minimize_scalar
-
         groups = [(0, 1)] if tied else [(0,), (1,)]
         gain, constant = [0.0, 0.0], [0.0, 0.0]
         residual = np.zeros_like(speed_mps)
         for group in groups:
 
-            def parts(log_s: float, group: tuple[int, ...] = group) -> tuple[float, FloatArray]:
-                unit = np.column_stack([self.speed(i, float(np.exp(log_s))) for i in group])
-                target = speed_mps[:, list(group)]
-                energy = float((unit * unit).sum())
-                best = float((unit * target).sum()) / energy if energy > 0.0 else 0.0
-                return best, target - best * unit
+            def unit(constant_s: float, group: tuple[int, ...] = group) -> FloatArray:
+                return np.column_stack([self.speed(i, constant_s) for i in group])
 
-            found = minimize_scalar(
-                lambda log_s: float((parts(log_s)[1] ** 2).sum()),
-                bounds=(np.log(0.02), np.log(3.0)),
-                method="bounded",
-                options={"xatol": 0.003},
+            value, value_s, left = fit_first_order(
+                unit, speed_mps[:, list(group)], max_s=3.0, tolerance=0.003
             )
-            value, left = parts(float(found.x))
             for k, i in enumerate(group):
-                gain[i], constant[i] = value, float(np.exp(found.x))
+                gain[i], constant[i] = value, value_s
                 residual[:, i] = left[:, k]
         return Refit((gain[0], gain[1]), (constant[0], constant[1]), residual)
 
@@ -164,15 +155,9 @@ def wheel_strength(first_order: FirstOrder, motion: RowMotion, noise_mps: float,
 
 def window_moves(pose: FloatArray, run: npt.NDArray[np.intp]) -> FloatArray:
     """Displacement over windows in the frame of their beginnings: forward, lateral (m), heading (rad)."""
-    moves = []
-    for number in np.unique(run):
-        part = pose[run == number][::POSE_WINDOW_ROWS]
-        step = np.diff(part, axis=0)
-        c, s = np.cos(part[:-1, 2]), np.sin(part[:-1, 2])
-        moves.append(
-            np.column_stack([c * step[:, 0] + s * step[:, 1], c * step[:, 1] - s * step[:, 0], step[:, 2]])
-        )
-    return np.concatenate(moves)
+    return np.concatenate(
+        [displacements(pose[run == number][::POSE_WINDOW_ROWS]) for number in np.unique(run)]
+    )
 
 
 def odometry(motion: RowMotion, driven: DrivenSet, robot: Robot) -> FloatArray:

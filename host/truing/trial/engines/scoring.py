@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from truing.trial.campaign import confidences_of, names_of, sure_names_of
+from truing.trial.campaign import verdict_score
 from truing.trial.concealed import TrialResult
 from truing.trial.engines.asked import EngineAsked
-from truing.trial.score import Score, judge
+from truing.trial.score import Score
 
 if TYPE_CHECKING:
     from truing.diagnose.result import Diagnosis
@@ -15,44 +16,16 @@ if TYPE_CHECKING:
 
 def score(asked: EngineAsked, result: TrialResult) -> Score:
     """Hold a verdict against the opened answer."""
-    answer, diagnosis = result.answer, result.first.diagnosis
-    hidden = tuple(str(each["name"]) for each in answer["effects"])
-    family = str(answer["family"])
-    said = names_of(diagnosis)
-    worth = judge(diagnosis.verdict, said, family, hidden, sure_names_of(diagnosis))
-    return Score(
-        effect=asked.effect,
-        seed=asked.seed,
-        weak=asked.weak,
-        family=family,
-        hidden=hidden,
-        strengths=tuple(float(each["strength"]) for each in answer["effects"]),
-        driving=str(answer["driving"]),
-        on_board=False,
-        verdict=diagnosis.verdict,
-        said=said,
-        named=worth.named,
-        named_alone=worth.named_alone,
-        confidently_wrong=worth.confidently_wrong,
-        right=worth.right,
-        place_right=None,
-        later=(),
-        resolved=None,
-        seconds=result.first.seconds,
-        cpu_s=result.first.cpu_s,
-        building_cpu_s=result.building_cpu_s,
-        scoring_cpu_s=0.0,
-        sha256=result.sha256,
-        measured={
-            "engine": answer["engine"],
-            "engine_names": [each["engine_name"] for each in answer["effects"] + answer["inside_form"]],
-            "noise_mps": answer["noise_mps"],
-            "healthy_mps": answer["healthy"]["rms_mps"],
-            "healthy_share": answer["healthy"]["share"],
-            "parameters": parameters(answer["effects"], diagnosis) if worth.named else {},
-        },
-        confidences=confidences_of(diagnosis),
-    )
+    answer, plain = result.answer, verdict_score(asked, result, on_board=False)
+    measured = {
+        "engine": answer["engine"],
+        "engine_names": [each["engine_name"] for each in answer["effects"] + answer["inside_form"]],
+        "noise_mps": answer["noise_mps"],
+        "healthy_mps": answer["healthy"]["rms_mps"],
+        "healthy_share": answer["healthy"]["share"],
+        "parameters": parameters(answer["effects"], result.first.diagnosis) if plain.named else {},
+    }
+    return replace(plain, measured=measured)
 
 
 def parameters(hidden: list[dict[str, Any]], diagnosis: Diagnosis) -> dict[str, dict[str, Any]]:

@@ -21,7 +21,7 @@ from truing.trial.engines.builder import Prepared, answer_of, prepare, write_set
 from truing.trial.engines.engine import Engine
 from truing.trial.engines.spec import MODES, RATES_HZ, draw_engine_trial
 from truing.trial.seal import seal
-from truing.trial.spec import seed_of
+from truing.trial.seeds import seed_of
 
 _MAX_SEEDS = 12
 

@@ -17,6 +17,7 @@ from truing.errors import WeakEffectError
 from truing.trial.engines.engine import TICK_S, Motion
 from truing.trial.engines.nominal import NominalRobot
 from truing.trial.engines.recorder import counted
+from truing.trial.refit import displacements, fit_first_order
 
 ROW_TICKS = 10
 _ROW_S = ROW_TICKS * TICK_S
@@ -124,25 +125,14 @@ def find_raw(
 
 def _refit(motions: Sequence[Motion], wheel: int, nominal: NominalRobot) -> tuple[float, float, FloatArray]:
     """Gain, time constant and residual of the first-order wheel that fits best."""
-    from scipy.optimize import minimize_scalar
-
     target = np.concatenate([row_speeds(motion.angle_rad, nominal)[:, wheel] for motion in motions])
     efforts = [motion.effort[1:, wheel] for motion in motions]
-
-    def parts(log_s: float) -> tuple[float, FloatArray]:
-        unit = np.concatenate([_unit_speeds(effort, float(np.exp(log_s))) for effort in efforts])
-        energy = float(unit @ unit)
-        gain = float(unit @ target) / energy if energy > 0.0 else 0.0
-        return gain, target - gain * unit
-
-    found = minimize_scalar(
-        lambda log_s: float((parts(log_s)[1] ** 2).sum()),
-        bounds=(np.log(0.02), np.log(4.0)),
-        method="bounded",
-        options={"xatol": 0.002},
+    return fit_first_order(
+        lambda constant_s: np.concatenate([_unit_speeds(effort, constant_s) for effort in efforts]),
+        target,
+        max_s=4.0,
+        tolerance=0.002,
     )
-    gain, residual = parts(float(found.x))
-    return gain, float(np.exp(found.x)), residual
 
 
 def _unit_speeds(effort: FloatArray, constant_s: float) -> FloatArray:
@@ -167,11 +157,5 @@ def _missed(motion: Motion, nominal: NominalRobot) -> FloatArray:
     middle, forward = 0.5 * (heading[1:] + heading[:-1]), moved.mean(axis=1)
     x = np.concatenate([[0.0], np.cumsum(forward * np.cos(middle))])
     y = np.concatenate([[0.0], np.cumsum(forward * np.sin(middle))])
-    return _displacements(motion.pose) - _displacements(np.column_stack([x, y, heading]))
-
-
-def _displacements(pose: FloatArray) -> FloatArray:
-    part = pose[::_POSE_TICKS]
-    step = np.diff(part, axis=0)
-    c, s = np.cos(part[:-1, 2]), np.sin(part[:-1, 2])
-    return np.column_stack([c * step[:, 0] + s * step[:, 1], c * step[:, 1] - s * step[:, 0], step[:, 2]])
+    driven = np.column_stack([x, y, heading])
+    return displacements(motion.pose[::_POSE_TICKS]) - displacements(driven[::_POSE_TICKS])
