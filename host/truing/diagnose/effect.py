@@ -22,7 +22,7 @@ from truing.diagnose.data.set_data import SetData
 SIDES = ("left", "right")
 Domain = Literal["wheel", "pose", "both"]
 Need = Literal["pose", "heading", "geometry", "angle", "vel", "equal_wheels"]
-Scale = Literal["one", "speed", "per_speed_squared", "duration", "time_constant"]
+Scale = Literal["one", "speed", "per_speed_squared", "duration", "time_constant", "acceleration"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,8 @@ class Parameter:
     starts : values of moderate strength to start a search from, the weak one first.
     wheel : the wheel whose speed alone it moves, or None.
     scale : what a search's number (and lower, upper, off, starts) is a multiple of: one, the robot's
-        full-effort speed (m/s), one over its square, the length of the set (s) or the time constant (s).
+        full-effort speed (m/s), one over its square, the length of the set (s), the time constant (s) or the
+        acceleration at full effort from rest (in accelerations of gravity).
         Robots differ by a factor of fifty; hooks, `report` and `from_baseline` see the plain unit.
     log : positive, and better searched in its logarithm.
     nuisance : fitted or scanned, but not reported.

@@ -22,6 +22,8 @@ from truing.diagnose.problem import Problem, is_identifiable
 
 # The first-order amplitude is limited to these multiples of the probe's amplitude.
 MIN_SCALE, MAX_SCALE = 0.15, 4.0
+# A scanned parameter starts at the probe's own value: its shape may be scaled so far when starts are compared.
+MAX_SCANNED_SCALE = 1.5
 # Further starting values are used if their predicted gain is this share of the best one's.
 MIN_SHARE_OF_BEST = 0.6
 
@@ -100,14 +102,22 @@ def _score_test(
     keep: int,
 ) -> Candidate:
     effect = CATALOGUE[name]
+    scanned = {p.name for p in effect.parameters if p.scan}
+    target = flat - span @ (span.T @ flat)
+    gains: list[float] = []
     found: list[tuple[float, FloatArray]] = []
     for probe in probes:
         shapes = problem.flattened(probe.speeds, probe.pose)
-        scales, gain = _project(flat, span, shapes, [_signed(effect, group) for group in probe.groups])
-        found.append((gain, _start_vector(problem, anchor, effect, probe, scales)))
+        shapes -= span @ (span.T @ shapes)
+        scales = _project(target, shapes, [_signed(effect, group) for group in probe.groups])
+        gains.append(_gain(target, shapes @ scales))
+        fixed = [scanned.issuperset(group) for group in probe.groups]
+        near = np.where(fixed, np.clip(scales, 1.0 / MAX_SCANNED_SCALE, MAX_SCANNED_SCALE), scales)
+        start = _start_vector(problem, anchor, effect, probe, scales)
+        found.append((_gain(target, shapes @ near), start))
     found.sort(key=lambda entry: -entry[0])
-    good = [theta for gain, theta in found[:keep] if gain >= MIN_SHARE_OF_BEST * found[0][0]]
-    return Candidate(name, found[0][0] + problem.evidence((name,)), tuple(good))
+    good = [theta for gain, theta in found[1:keep] if gain >= MIN_SHARE_OF_BEST * found[0][0] > 0.0]
+    return Candidate(name, max(gains) + problem.evidence((name,)), (found[0][1], *good))
 
 
 def trial_points(effect: Effect) -> list[tuple[dict[str, float], list[tuple[str, ...]]]]:
@@ -198,16 +208,18 @@ def _orthonormal(columns: FloatArray) -> FloatArray:
     return np.asarray(q[:, np.abs(np.diag(r)) > 1e-8])
 
 
-def _project(
-    flat: FloatArray, span: FloatArray, shapes: FloatArray, signs: list[bool]
-) -> tuple[FloatArray, float]:
-    """Least-squares scale of each shape orthogonal to the span (non-negative unless signed); gain, nats."""
-    rest = shapes - span @ (span.T @ shapes)
-    target = flat - span @ (span.T @ flat)
-    active = list(np.flatnonzero(np.sum(rest**2, axis=0) > 1e-9))
+def _gain(target: FloatArray, explained: FloatArray) -> float:
+    """Log-likelihood gain of what a shape explains of the residual, nats."""
+    left = target - explained
+    return 0.5 * float(target @ target - left @ left)
+
+
+def _project(target: FloatArray, shapes: FloatArray, signs: list[bool]) -> FloatArray:
+    """Least-squares scale of each shape (non-negative unless signed)."""
+    active = list(np.flatnonzero(np.sum(shapes**2, axis=0) > 1e-9))
     scales = np.zeros(shapes.shape[1])
     while active:
-        part = rest[:, active]
+        part = shapes[:, active]
         gram = part.T @ part
         solution = np.linalg.solve(gram + 1e-9 * np.trace(gram) * np.eye(len(active)), part.T @ target)
         worst = min(range(len(active)), key=lambda k: 0.0 if signs[active[k]] else solution[k])
@@ -215,9 +227,8 @@ def _project(
             active.pop(worst)
             continue
         scales[active] = solution
-        left = target - part @ solution
-        return scales, 0.5 * float(target @ target - left @ left)
-    return scales, 0.0
+        break
+    return scales
 
 
 def _start_vector(

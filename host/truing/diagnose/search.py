@@ -73,12 +73,17 @@ class Search:
         effects = (*anchor.effects, candidate.name)
         problem = self.problem.for_thread()
         starts = candidate.starts
-        if len(starts) == 1:
+        columns = problem.columns_of(effects)
+        # Far from the minimum a nuisance parameter leads a fit away from where the effect shows.
+        nuisances = {f"{candidate.name}.{p.name}" for p in CATALOGUE[candidate.name].parameters if p.nuisance}
+        first = tuple(column for column in columns if column.name not in nuisances)
+        if len(starts) == 1 and first == columns:
             return self._not_worse_than(
                 anchor, fit(problem, effects, starts[0], iterations=PRELIMINARY_STEPS + 15)
             )
         preliminary = [
-            fit(problem, effects, start, iterations=PRELIMINARY_STEPS, tolerance=1e-3) for start in starts
+            fit(problem, effects, start, columns=first, iterations=PRELIMINARY_STEPS, tolerance=1e-3)
+            for start in starts
         ]
         best = min(preliminary, key=lambda one: one.cost)
         return self._not_worse_than(anchor, fit(problem, effects, best.theta, iterations=15))

@@ -36,7 +36,7 @@ HIDDEN: dict[str, dict[str, float]] = {
     "encoder_dropout": {"left": 0.1, "right": 0.15},
     "inertia_coupling": {"coupling": 0.2},
     "floor_slope": {"uphill_cosine": 0.02, "uphill_sine": 0.01},
-    "wheel_slip": {"grip": 0.3},
+    "wheel_slip": {"grip": 0.7},
     "payload_change": {"time_constant_ratio": 1.3},
     "speed_filter": {"time_constant": 0.08},
 }

@@ -54,8 +54,8 @@ EFFECT = Effect(
         "pose from outside in the log."
     ),
     parameters=(
-        Parameter("grip", "1", 0.02, 3.0, 3.0, (0.5, 0.3, 0.15), scan=True),
-        Parameter("spin_share", "1", 0.03, 0.6, 0.15, (0.1, 0.3), nuisance=True, scan=True),
+        Parameter("grip", "1", 0.05, 4.0, 4.0, (1.6, 1.25, 0.95, 0.7, 0.45), scale="acceleration", scan=True),
+        Parameter("spin_share", "1", 0.03, 0.6, 0.15, (0.2,), nuisance=True),
     ),
     domain="both",
     exercised=_exercised,

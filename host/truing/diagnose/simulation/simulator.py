@@ -13,7 +13,7 @@ import numpy as np
 
 from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.diagnose.catalogue import CATALOGUE, Catalogue
-from truing.diagnose.data.set_data import SetData
+from truing.diagnose.data.set_data import GRAVITY, SetData
 from truing.diagnose.effect import Parameter, Scale
 from truing.diagnose.simulation.assemble import BASELINE_PARAMETERS, kernel_of, parameter_offsets
 from truing.diagnose.simulation.state import Inputs, Scratch, new_scratch
@@ -333,6 +333,7 @@ class SetSimulator:
             "per_speed_squared": 1.0 / top**2,
             "duration": max(self.data.duration_s, 1e-9),
             "time_constant": 0.5 * (left.time_constant_s + right.time_constant_s),
+            "acceleration": top / (0.5 * (left.time_constant_s + right.time_constant_s)) / GRAVITY,
         }
         return values[item.scale]
 
