@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from support.recorded_sets import Columns, baseline, columns, recordings, with_speeds
+from truing.diagnose.applicable import applicable_effects
 from truing.diagnose.data.checks import DataChecks, check_data
 from truing.diagnose.data.set_data import set_data
 from truing.errors import TruingError
@@ -170,6 +171,16 @@ def test_straight_runs_cannot_show_scrub_or_coupling() -> None:
         values["effort_right"], values["ticks_right"] = values["effort_left"], values["ticks_left"]
 
     assert {"turning_scrub", "inertia_coupling"} <= set(check_data(recordings(change=change)).blocked)
+
+
+def test_turns_on_the_spot_cannot_separate_scrub_from_friction() -> None:
+    def change(name: str, values: Columns) -> None:
+        values["effort_right"], values["ticks_right"] = -values["effort_left"], -values["ticks_left"]
+
+    turning = recordings(change=change)
+    assert {"turning_scrub", "inertia_coupling"} <= set(check_data(turning).blocked)
+    assert not {"turning_scrub", "inertia_coupling"} & set(applicable_effects(set_data(turning)))
+    assert "turning_scrub" in applicable_effects(set_data(recordings()))
 
 
 def test_a_gap_is_mentioned_and_costs_nothing_else() -> None:

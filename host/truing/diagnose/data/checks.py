@@ -30,6 +30,8 @@ from truing.recording.run import MINIMUM_ROWS, TRUTH_COLUMNS, WHEELS, RecordingS
 # 16, 24 and 32 bit counters wrap by these.
 COUNTER_SPANS = (2.0**16, 2.0**24, 2.0**32)
 FULL_SCALE = 0.995
+# Share of the driven rows with opposite efforts above which the robot only turns on the spot.
+OPPOSITE_SHARE = 0.98
 
 POSE_EFFECTS = ("wheel_slip", "wheel_radius_error", "wheelbase_error")
 FAST_EFFECTS = (
@@ -236,6 +238,21 @@ def _turns(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]:
         text = "both wheels always get the same effort: how they act on each other is not excited"
         step = "Add a run with one wheel against the other, and one with one wheel alone"
         yield Check("straight", text, "note", step, blocks=("turning_scrub", "inertia_coupling"))
+    if _is_opposite(recordings):
+        text = (
+            "the robot only turns on the spot: scrub in turns is not distinguishable from friction of the "
+            "wheels, nor the inertia in turns from theirs"
+        )
+        step = "Add a straight run, and one with one wheel alone"
+        yield Check("on_the_spot", text, "note", step, blocks=("turning_scrub", "inertia_coupling"))
+
+
+def _is_opposite(recordings: RecordingSet) -> bool:
+    """Whether the wheels' efforts are opposite in nearly every row in which both are driven."""
+    pairs = [np.stack([run.effort("left"), run.effort("right")], axis=1) for run in recordings]
+    efforts = np.concatenate(pairs)
+    driven = efforts[(np.abs(efforts) > MIN_EFFORT).any(axis=1)]
+    return len(driven) > 0 and float(np.mean(driven[:, 0] * driven[:, 1] < 0.0)) > OPPOSITE_SHARE
 
 
 def _saturation(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]:

@@ -14,6 +14,9 @@ from truing.diagnose.data.set_data import SetData
 
 # Share of full speed below which a wheel is at rest.
 REST_SPEED_SHARE = 0.01
+# A wheel is hardly driven at this share of the other one's effort; other driving than turns on the spot
+# that separates the wheels from the chassis, s.
+IDLE_SHARE, MIN_OFF_THE_SPOT_S = 0.2, 1.0
 # Bands of |speed| up to full speed.
 SPEED_BANDS = 6
 
@@ -95,6 +98,14 @@ def turns(data: SetData) -> float:
     """Time for which the wheels turn clearly differently, s."""
     difference = np.abs(data.speed_mps[:, 1] - data.speed_mps[:, 0])
     return seconds(data, difference > 0.1 * data.top_mps)
+
+
+def turns_on_the_spot_only(data: SetData) -> bool:
+    """Whether the wheels hardly ever move the same way, and none moves while the other is hardly driven."""
+    moves, effort = moving(data), np.abs(data.effort)
+    same_way = moves.all(axis=1) & (data.speed_mps[:, 0] * data.speed_mps[:, 1] > 0.0)
+    alone = (moves.sum(axis=1) == 1) & (effort.min(axis=1) < IDLE_SHARE * effort.max(axis=1))
+    return seconds(data, same_way | alone) < MIN_OFF_THE_SPOT_S
 
 
 def both_driven(data: SetData) -> float:

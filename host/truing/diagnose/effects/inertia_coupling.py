@@ -29,6 +29,8 @@ def coupling(coupling: float) -> float:
 
 
 def _exercised(data: SetData) -> float:
+    if exercise.turns_on_the_spot_only(data):
+        return 0.0  # the coupling is one with the time constants
     apart = abs(data.effort[:, 0] - data.effort[:, 1]) > 0.1
     return exercise.enough(exercise.seconds(data, apart), 6.0) * min(
         1.0, exercise.enough(exercise.effort_steps(data), 4.0)

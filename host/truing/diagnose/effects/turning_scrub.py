@@ -34,6 +34,8 @@ def _exercised(data: SetData) -> float:
     straight = exercise.seconds(
         data, exercise.moving(data).all(axis=1) & (difference < STRAIGHT_SHARE * data.top_mps)
     )
+    if exercise.turns_on_the_spot_only(data):
+        return 0.0  # scrub is one with the friction of the wheels
     return exercise.enough(exercise.turns(data), 4.0) * min(1.0, 0.5 + 0.25 * straight)
 
 
