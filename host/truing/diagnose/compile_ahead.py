@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from truing.arrays import FloatArray
+from truing.diagnose.diagnosis_input import Options
 from truing.diagnose.engine import diagnose
 from truing.diagnose.simulation.warm import compile_once
+from truing.model.correction import Correction, Rows, corrected_speeds
 from truing.recording.baseline import Baseline, RobotGeometry, WheelModel
 from truing.recording.run import RecordingSet, Run
 
@@ -28,6 +30,13 @@ def small_set() -> RecordingSet:
     wheel = WheelModel(0.9 * GAIN_MPS, TAU_S)
     geometry = RobotGeometry("small", 0.05, WHEELBASE_M, 2400.0)
     return RecordingSet("small", runs, Baseline(Path("baseline.toml"), wheel, wheel, geometry, 1.0 / ROW_S))
+
+
+def simulate_corrected() -> None:
+    """A few rows with an empty correction, which calls its compiled free run."""
+    rest = np.zeros((4, 2))
+    rows = Rows(np.array([0, 4]), np.full(4, ROW_S), rest, False)
+    corrected_speeds(Correction((GAIN_MPS, GAIN_MPS), (TAU_S, TAU_S), ()), rows, rest)
 
 
 def _run(name: str, right_share: float) -> Run:
@@ -63,4 +72,5 @@ def _driven(effort: FloatArray) -> FloatArray:
 
 if __name__ == "__main__":
     compile_once(print)
-    diagnose(small_set())
+    diagnose(small_set(), Options(learn=True))
+    simulate_corrected()

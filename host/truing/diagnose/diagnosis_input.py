@@ -29,6 +29,7 @@ class Options:
     wheel : diagnose this wheel alone.
     accept : effects that the user takes for the model, whatever the verdict; empty: none.
     measured : numbers of the robot that were measured directly.
+    learn : learn a correction for what the model leaves.
     """
 
     sim_runs: Path | None = None
@@ -39,6 +40,7 @@ class Options:
     wheel: Wheel | None = None
     accept: tuple[str, ...] = ()
     measured: tuple[Measured, ...] = ()
+    learn: bool = False
 
     def suiting(self, recordings: RecordingSet) -> Options:
         """These options as the recordings take them.

@@ -23,6 +23,7 @@ from truing.diagnose.exchanges import best_exchange, with_exchanges
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.initial_speed import with_likely_starts
 from truing.diagnose.inter_sample_input import inter_sample_uncertainty, with_inter_sample_input
+from truing.diagnose.learned.learner import learned_correction
 from truing.diagnose.measured import ruled_out, with_measured
 from truing.diagnose.next_experiment import propose
 from truing.diagnose.noise import Noise, predicted_uncertainty, white_noise
@@ -39,7 +40,7 @@ from truing.diagnose.problem import (
 )
 from truing.diagnose.profiles import Limits
 from truing.diagnose.residual_tests import wheel_taus
-from truing.diagnose.result import Diagnosis
+from truing.diagnose.result import NAMING, Diagnosis
 from truing.diagnose.result_assembly import assemble_result
 from truing.diagnose.search import Search
 from truing.diagnose.signal_selection import with_selected_signal
@@ -112,6 +113,7 @@ def _diagnose(recordings: RecordingSet, options: Options, progress: Progress) ->
         commanded=options.commanded,
         accept=options.accept,
         excluded=ruled_out(options.measured) | (frozenset() if recordings.axis is None else beyond_an_axis()),
+        learn=options.learn,
     )
     if fault is not None and options.wheel != fault.other:
         diagnosis = with_encoder_fault(diagnosis, fault)
@@ -140,6 +142,7 @@ def analyse(
     commanded: bool = False,
     accept: Sequence[str] = (),
     excluded: frozenset[str] = frozenset(),
+    learn: bool = False,
 ) -> Diagnosis:
     """Fits and verdict for recordings that have been checked, without what follows from the verdict.
 
@@ -149,6 +152,7 @@ def analyse(
     commanded : the pose is compared with the commands, and the wheels are not used.
     accept : effects that the user takes for the model.
     excluded : effects that a direct measurement rules out.
+    learn : learn a correction for what the model leaves.
     """
     began = time.monotonic()
     measured = at_renewals(recordings)
@@ -160,6 +164,10 @@ def analyse(
         reasoning = with_accepted(reasoning, accept)
     progress(0.9)
     diagnosis = assemble_result(recordings, reasoning)
+    if learn and not data.commanded:
+        progress(0.92)
+        shown = reasoning.best if diagnosis.verdict in NAMING else reasoning.base
+        diagnosis = replace(diagnosis, learned=learned_correction(reasoning.fitted_under, shown))
     progress(1.0)
     return replace(diagnosis, seconds=time.monotonic() - began)
 

@@ -9,6 +9,7 @@ from typing import Any, Literal, TypeAlias
 
 from truing.arrays import FloatArray
 from truing.diagnose.data.traces import RunTraces
+from truing.diagnose.learned.result import LearnedCorrection
 from truing.plan import Plan
 from truing.recording.frames import preformatted
 from truing.recording.run import RecordingSet, Wheel
@@ -411,6 +412,7 @@ class Diagnosis:
     effects : strongest first; empty unless the verdict is `missing_physics`, `partly_explained` or
         `ambiguous`.
     left_over_share : of the mismatch above the noise that no named effect explains, 0 to 1.
+    learned : a correction for what no effect explains, where it was asked for; None otherwise.
     recorder : how each signal was recorded, by signal.
     baseline_effects : effects that the baseline already holds, with their refitted parameters.
     exact : the same effects and those of the likeliest explanation, by the fit's own numbers, nuisance ones
@@ -437,6 +439,7 @@ class Diagnosis:
     pose_fit: FitErrors | None = None
     confidence: float = math.nan
     left_over_share: float = 0.0
+    learned: LearnedCorrection | None = None
     recorder: Mapping[str, RecordedSignal] = field(default_factory=dict)
     baseline_effects: Mapping[str, Mapping[str, EffectParameter]] = field(default_factory=dict)
     exact: Mapping[str, Mapping[str, float]] = field(default_factory=dict, repr=False)
@@ -473,7 +476,10 @@ class Diagnosis:
             "mismatch": [span.to_json() for span in self.mismatch],
             "fit": self.fit.to_json(),
             "pose_fit": None if self.pose_fit is None else self.pose_fit.to_json(),
-            "left_over": {"share": number(self.left_over_share), "learned": None},
+            "left_over": {
+                "share": number(self.left_over_share),
+                "learned": None if self.learned is None else self.learned.to_json(),
+            },
             "baseline_effects": {
                 name: {key: value.to_json() for key, value in parameters.items()}
                 for name, parameters in self.baseline_effects.items()

@@ -15,7 +15,7 @@ import numpy as np
 from truing.arrays import FloatArray, IntArray
 from truing.model import correction_kernel as kernel
 
-# Where a term acts. force: effort in the forward direction. friction: dry friction, effort against the motion.
+# Where a term acts. force: effort forward. friction: dry friction, effort against the motion.
 # gain: share of the effort that is added. inertia: share of the net effort u - v / g that is added.
 # signal: share by which the recorded speed exceeds the wheel's.
 Place = Literal["force", "friction", "gain", "inertia", "signal"]

@@ -90,6 +90,7 @@ def free_run(
     v = np.zeros(2)
     net = np.zeros(2)
     mean = np.zeros(2)
+    moves = np.zeros(2)
     shortest = min(tau[0], tau[1])
     rest = REST_SHARE * max(gain[0], gain[1])
     for segment in range(len(starts) - 1):
@@ -99,16 +100,19 @@ def free_run(
             v[w] = base[first, w]
             out[first, w] = base[first, w]
         for i in range(first + 1, end):
-            count = max(1, int(math.ceil(dt[i] / (STEP_SHARE * shortest))))
+            count = max(1, math.ceil(dt[i] / (STEP_SHARE * shortest)))
             h = dt[i] / count
             mean[:] = 0.0
+            moves[:] = 0.0
             after = i if instant or i + 1 == end else i + 1
             for n in range(count):
                 share = (n + 1.0) / count
                 for w in range(2):
                     net[w] = effort[i, w] - v[w] / gain[w]
                 for w in range(2):
-                    start = base[i - 1, w] if instant else 0.5 * (base[i - 1, w] + base[i, w])
+                    start = 0.5 * (base[i - 1, w] + base[i, w])
+                    if instant or i - 1 == first:
+                        start = base[i - 1, w]
                     stop = base[i, w] if instant else 0.5 * (base[i, w] + base[after, w])
                     b = start + share * (stop - start)
                     keep = math.exp(-h / tau[w])
@@ -128,20 +132,21 @@ def free_run(
                     moved = b + d[w] * keep + (1.0 - keep) * gain[w] * f
                     way = v[w] if abs(v[w]) > rest else moved
                     friction = against[i, w]
-                    if used[FORWARD] > 0.0 and way >= 0.0:
-                        friction += lookup(tables[FORWARD, w], spans[FORWARD, 0], spans[FORWARD, 1], abs(v[w]))
-                    if used[FORWARD] > 0.0 and way < 0.0:
-                        friction += lookup(tables[REVERSE, w], spans[FORWARD, 0], spans[FORWARD, 1], abs(v[w]))
+                    if used[FORWARD] > 0.0:
+                        side = FORWARD if way >= 0.0 else REVERSE
+                        friction += lookup(tables[side, w], spans[side, 0], spans[side, 1], abs(v[w]))
                     pull = (1.0 - keep) * gain[w] * friction
                     before = d[w]
                     # Dry friction stops a wheel within the step and holds it there, exactly.
                     if friction > 0.0 and abs(moved) <= pull:
                         d[w] = -b
                     else:
-                        d[w] = moved - math.copysign(pull, moved) - b
+                        d[w] = moved - (pull if moved > 0.0 else -pull) - b
                     mean[w] += 0.5 * (before + d[w]) / count
                     net[w] = effort[i, w] - v[w] / gain[w]
+                    if v[w] != 0.0 or b + d[w] != 0.0:
+                        moves[w] = 1.0
                     v[w] = b + d[w]
             for w in range(2):
                 add = d[w] if instant else mean[w]
-                out[i, w] = (base[i, w] + add) * (1.0 + scale[i, w])
+                out[i, w] = (base[i, w] + add) * (1.0 + scale[i, w]) * moves[w]

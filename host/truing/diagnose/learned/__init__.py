@@ -1,1 +1,1 @@
-"""What the catalogue does not hold: an additive correction beside the physics, learned and judged on runs left out."""
+"""What the catalogue does not hold: a correction beside the physics, judged on runs left out."""

@@ -9,11 +9,13 @@ import numpy as np
 
 from truing.arrays import BoolArray, FloatArray
 from truing.diagnose.fit import Fit, fit
-from truing.diagnose.held_out import FOLDS
+from truing.diagnose.held_out import folds_of
+from truing.diagnose.learned.describe import resemblances, sentence, variable_text
 from truing.diagnose.learned.periods import periodic_candidates
 from truing.diagnose.learned.refine import Structure, linear_start, refine, rows_of, structure_of
-from truing.diagnose.learned.regression import Left, groups_of, sums_of
-from truing.diagnose.learned.selection import Sums, at_best_constants, select
+from truing.diagnose.learned.regression import Left, Sums, groups_of, sums_of
+from truing.diagnose.learned.result import LearnedCorrection, LearnedTerm
+from truing.diagnose.learned.selection import at_best_constants, select
 from truing.diagnose.learned.variables import Candidate, candidates, smoothed_speeds
 from truing.diagnose.problem import Problem, weighted_rms
 from truing.diagnose.residual_tests import wheel_taus
@@ -94,8 +96,8 @@ def _learned(
 ) -> _Model | None:
     """The correction that is chosen and fitted on these groups of runs alone.
 
-    Terms are chosen twice: with the measured speeds for the state, whose noise favours terms of the speed; and
-    again with the state that the first correction simulates.
+    Terms are chosen twice: with the measured speeds for the state, whose noise favours terms of the speed;
+    and again with the state that the first correction simulates.
     """
     seen = np.isin(left.group, list(groups))
     weight = left.weight * seen[:, None]
@@ -103,8 +105,7 @@ def _learned(
     if first is None:
         return None
     settled = replace(left, state=applied(first.correction, left))
-    second = _fitted(settled, sums_of(settled, tried), groups, weight, steps, bands=bands, tuned=True)
-    return second
+    return _fitted(settled, sums_of(settled, tried), groups, weight, steps, bands=bands, tuned=True)
 
 
 def _fitted(
@@ -130,7 +131,7 @@ def _fitted(
 
 def _judged(problem: Problem, done: Fit, whole: Left, tried: Sequence[Candidate]) -> tuple[float, float]:
     """Errors on runs left out, of the physical model alone and with a correction chosen without them."""
-    part_of_row = whole.group % min(FOLDS, whole.groups)
+    part_of_row = folds_of(whole.data)
     before, after = np.zeros_like(whole.speeds), np.zeros_like(whole.speeds)
     for part in np.unique(part_of_row):
         rows: BoolArray = np.asarray(part_of_row == part)
@@ -138,9 +139,30 @@ def _judged(problem: Problem, done: Fit, whole: Left, tried: Sequence[Candidate]
         refit = fit(seen, done.effects, done.theta, iterations=6, tolerance=1e-3, secant=True)
         left = replace(whole, speeds=refit.residual.speeds)
         before[rows] = after[rows] = left.error[rows]
-        groups = np.unique(whole.group[~rows])
+        # A single run's quarters and eighths may share a row at their edges.
+        groups = (
+            np.setdiff1d(whole.group[~rows], whole.group[rows])
+            if whole.data.runs > 1
+            else (np.array([g for g in range(whole.groups) if g // 2 != part]))
+        )
         found = _learned(left, tried, [int(group) for group in groups], FOLD_STEPS) if tried else None
         if found is not None:
             error = left.data.speed_mps - applied(found.correction, left)
             after[rows] = np.where(left.weight > 0.0, error, 0.0)[rows]
     return weighted_rms(before, whole.weight), weighted_rms(after, whole.weight)
+
+
+def learned_correction(problem: Problem, done: Fit) -> LearnedCorrection:
+    """Learn what a fit leaves, and say it."""
+    found = learn(problem, done)
+    before = problem.free_run_rmse(done.residual.speeds)
+    if found.correction is None:
+        return LearnedCorrection(None, (), found.heldout_before, found.heldout_after, before, before)
+    after = problem.free_run_rmse(applied(found.correction, left_by(problem, done)))
+    terms = tuple(
+        LearnedTerm(term, variable_text(term), sentence(term), resemblances(term))
+        for term in found.correction.terms
+    )
+    return LearnedCorrection(
+        found.correction, terms, found.heldout_before, found.heldout_after, before, after
+    )

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from truing.arrays import FloatArray
 from truing.diagnose.learned.regression import Left
 from truing.diagnose.learned.variables import Candidate, places, repeating, running_travel
 from truing.model.compiled import compiled
-from truing.model.correction import Place
+from truing.model.correction import Place, Variable
 
+AnyFloats = NDArray[np.floating[Any]]
 # Rows at most that the scan reads, and periods at most that it tries.
 MAX_ROWS, MAX_PERIODS = 12_000, 500
 SHORTEST_M = 0.03
@@ -30,11 +33,13 @@ def periodic_candidates(left: Left) -> Iterator[Candidate]:
     longest = float(np.ptp(runs))
     if longest > 4.0 * SHORTEST_M:
         waves = np.arange(1.5 / longest, 1.0 / SHORTEST_M, CYCLE_SHARE / longest)[:MAX_PERIODS]
-        for place in ("friction", "force"):
+        along: tuple[Place, ...] = ("friction", "force")
+        for place in along:
             yield repeating(place, "travel_repeating", 1.0 / _clearest(left, rows, runs, waves, place))
     if longest > 4.0 * SHORTEST_M and data.baseline.wheelbase_m is not None:
         x, y, _ = places(data)
-        for variable, at in (("place_x_repeating", x), ("place_y_repeating", y)):
+        floor: tuple[tuple[Variable, FloatArray], ...] = (("place_x_repeating", x), ("place_y_repeating", y))
+        for variable, at in floor:
             span = float(np.ptp(at[rows]))
             if span > 4.0 * SHORTEST_M:
                 waves = np.arange(1.5 / span, 1.0 / SHORTEST_M, CYCLE_SHARE / span)[:MAX_PERIODS]
@@ -44,11 +49,12 @@ def periodic_candidates(left: Left) -> Iterator[Candidate]:
     if radius is not None:
         angles = running_travel(data)[rows]
         waves = np.array(PER_TURN) / (2.0 * math.pi * radius)
-        for place in ("force", "signal"):
+        turning: tuple[Place, ...] = ("force", "signal")
+        for place in turning:
             yield repeating(place, "angle_repeating", 1.0 / _clearest(left, rows, angles, waves, place))
 
 
-def _clearest(left: Left, rows: slice, at: FloatArray, waves: FloatArray, place: Place) -> float:
+def _clearest(left: Left, rows: slice, at: FloatArray, waves: AnyFloats, place: Place) -> float:
     """Waves per metre that take the most off the squared error."""
     data = left.data
     first = np.zeros(len(data), dtype=np.bool_)
@@ -68,7 +74,7 @@ def _clearest(left: Left, rows: slice, at: FloatArray, waves: FloatArray, place:
 
 @compiled
 def _scan(first, dt, at, factor, error, weight, gain, tau, direct, waves, score) -> None:  # type: ignore[no-untyped-def]
-    """Add the squared error that a sine and a cosine of each wave number take away, beside the plain factor."""
+    """Add the squared error that sine and cosine of each wave number take away, beside the plain factor."""
     for k in range(len(waves)):
         c = s = p = 0.0
         a = np.zeros((3, 3))

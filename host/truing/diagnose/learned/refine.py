@@ -1,15 +1,15 @@
-"""Values of kept terms by the free-run error: Gauss-Newton steps from the linear stage, and their uncertainty."""
+"""Values of kept terms by the free-run error, from the linear stage on, and their uncertainty."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from truing.arrays import FloatArray
-from truing.diagnose.learned.regression import LINEAR, Left, columns_of
-from truing.diagnose.learned.selection import Sums, penalty_matrix, solve
+from truing.diagnose.learned.regression import LINEAR, Left, Sums, block, columns_of
+from truing.diagnose.learned.selection import penalty_matrix, solve
 from truing.diagnose.learned.variables import Candidate, row_variable
 from truing.model.correction import (
     PERIODIC,
@@ -69,17 +69,19 @@ def _closed(one: Candidate, values: FloatArray) -> FloatArray:
 def rows_of(left: Left, terms: Sequence[Candidate | Term]) -> Rows:
     """The rows of a set with the variables that these terms read."""
     data = left.data
-    keys = {(one.variable, one.constant) for one in terms if one.variable not in STATE_VARIABLES}
+    keys = {(str(one.variable), one.constant) for one in terms if one.variable not in STATE_VARIABLES}
     variables = {key: row_variable(data, *key) for key in sorted(keys)}
     return Rows(data.starts, data.dt_s, data.effort, data.instant, variables)
 
 
-def structure_of(left: Left, sums: Sums, terms: Sequence[int], weight: float, groups: Sequence[int]) -> Structure:
+def structure_of(
+    left: Left, sums: Sums, terms: Sequence[int], weight: float, groups: Sequence[int]
+) -> Structure:
     """The structure of these candidates, penalised as in the regression on these groups."""
     penalties = []
     for w in range(2):
         cols = np.concatenate([np.arange(LINEAR), *(sums.at[k] for k in terms)])
-        gram = sums.gram[np.ix_(list(groups), [w], cols, cols)][:, 0].sum(axis=0)
+        gram = block(sums.gram, groups, w, cols).sum(axis=0)
         penalties.append(penalty_matrix(sums, terms, weight, gram))
     return Structure(tuple(sums.candidates[k] for k in terms), np.array(penalties), left.gain, left.tau)
 
@@ -98,7 +100,13 @@ class Refined:
 
 
 def refine(
-    left: Left, structure: Structure, start: FloatArray, weight: FloatArray, steps: int, *, bands: bool = False
+    left: Left,
+    structure: Structure,
+    start: FloatArray,
+    weight: FloatArray,
+    steps: int,
+    *,
+    bands: bool = False,
 ) -> Refined:
     """Minimise the penalised squared free-run error over the rows with these weights (n, 2).
 
@@ -110,7 +118,9 @@ def refine(
     target = np.where(counted, left.data.speed_mps, 0.0)
 
     def error(theta: FloatArray) -> FloatArray:
-        return np.where(counted, target - corrected_speeds(structure.correction(theta), rows, left.speeds), 0.0)
+        return np.where(
+            counted, target - corrected_speeds(structure.correction(theta), rows, left.speeds), 0.0
+        )
 
     def cost(theta: FloatArray, r: FloatArray) -> float:
         return float(np.sum(weight * r**2)) + float(
@@ -166,7 +176,7 @@ def _derivatives(error, theta: FloatArray, r: FloatArray) -> FloatArray:  # type
 def _half_widths(
     left: Left, structure: Structure, jacobian: FloatArray, r: FloatArray, weight: FloatArray
 ) -> FloatArray:
-    """Half widths of 95 % intervals: sandwich over groups of runs, at least that of white noise, (2, width)."""
+    """Half widths of 95 % intervals (2, width): sandwich over groups, at least that of white noise."""
     out = np.zeros((2, structure.width))
     for w in range(2):
         j = jacobian[w] * weight[:, w, None]
@@ -178,8 +188,3 @@ def _half_widths(
         sigma2 = float(weight[:, w] @ r[:, w] ** 2) / max(float(weight[:, w].sum()) - structure.width, 1.0)
         out[w] = Z95 * np.sqrt(np.maximum(sandwich, sigma2 * np.diag(inverse)))
     return out
-
-
-def with_speeds(left: Left, speeds: FloatArray) -> Left:
-    """The same set beside another physical model's speeds (n, 2)."""
-    return replace(left, speeds=speeds)

@@ -1,7 +1,7 @@
 """The linear stage: every candidate's lookup, passed through the wheel's own lag, against what is left.
 
-What a physical model leaves is the correction's speed. It obeys the wheel's first-order equation, so that each
-hat function of a lookup, times where it acts, passed through that lag, is a regressor of the speed itself:
+What a physical model leaves is the correction's speed. It obeys the wheel's first-order equation, so that
+each hat function of a lookup, times where it acts, passed through that lag, is a regressor of the speed:
 nothing is differentiated, and noise of the speeds stays noise of the target. The state in it is the smoothed
 measured speed; the free run that follows (`refine.py`) replaces it by the simulated one.
 """
@@ -11,10 +11,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from truing.arrays import BoolArray, FloatArray, IntArray
+from truing.arrays import FloatArray, IntArray
 from truing.diagnose.data.set_data import SetData
 from truing.diagnose.learned.variables import Candidate, row_variable, state_variable
 from truing.model.compiled import compiled
@@ -62,10 +63,14 @@ class Left:
 
 
 def groups_of(data: SetData) -> IntArray:
-    """Group of each row, shape (n,): runs in turn; a single run in eighths. Pairs of them make a fold."""
-    if data.runs == 1:
-        return np.asarray(np.minimum(np.arange(len(data)) * GROUPS // len(data), GROUPS - 1), dtype=np.int64)
-    return np.asarray(data.run_of_row % min(GROUPS, data.runs), dtype=np.int64)
+    """Group of each row, shape (n,): runs in turn; few runs in parts. It lies in one fold of `folds_of`."""
+    if data.runs > GROUPS // 2:
+        return np.asarray(data.run_of_row % min(GROUPS, data.runs), dtype=np.int64)
+    parts = GROUPS // data.runs
+    first = np.searchsorted(data.run_of_row, np.arange(data.runs + 1))
+    place = np.arange(len(data)) - first[data.run_of_row]
+    part = np.minimum(place * parts // np.diff(first)[data.run_of_row], parts - 1)
+    return np.asarray(data.run_of_row * parts + part, dtype=np.int64)
 
 
 def columns_of(one: Candidate) -> int:
@@ -150,13 +155,21 @@ def _lagged(left: Left, w: int, rows: slice, efforts: FloatArray) -> FloatArray:
     first = np.zeros(len(data), dtype=np.bool_)
     first[data.starts[:-1]] = True
     out = np.zeros_like(efforts)
-    _lag(first[rows], data.dt_s[rows], np.ascontiguousarray(efforts), left.gain[w], left.tau[w], data.instant, out)
+    _lag(
+        first[rows],
+        data.dt_s[rows],
+        np.ascontiguousarray(efforts),
+        left.gain[w],
+        left.tau[w],
+        data.instant,
+        out,
+    )
     return out
 
 
 @compiled
-def _lag(first: BoolArray, dt: FloatArray, f: FloatArray, gain: float, tau: float, instant: bool, out: FloatArray) -> None:
-    """Speeds that efforts (n, k), held over the rows, give behind the wheel's lag; rows as they are recorded."""
+def _lag(first, dt, f, gain, tau, instant, out) -> None:  # type: ignore[no-untyped-def]
+    """Speeds (n, k), as they are recorded, of efforts that are held over the rows, behind the wheel's lag."""
     state = np.zeros(f.shape[1])
     for i in range(len(f)):
         if first[i]:
@@ -188,6 +201,11 @@ class Sums:
     square: FloatArray
 
 
+def block(sums: FloatArray, groups: Sequence[int], w: int, columns: IntArray) -> FloatArray:
+    """The square part (groups, k, k) of sums (groups, 2, f, f) that belongs to these columns."""
+    places = np.asarray(list(groups), dtype=np.int64)[:, None, None]
+    return np.asarray(sums[places, w, columns[None, :, None], columns[None, None, :]])
+
 
 def sums_of(left: Left, tried: Sequence[Candidate]) -> Sums:
     """Normal equations of these candidates."""
@@ -218,7 +236,5 @@ def sums_of(left: Left, tried: Sequence[Candidate]) -> Sums:
 
 def _pieces(left: Left) -> list[tuple[int, slice]]:
     """Consecutive rows of one group, cut at segments and groups; a lag goes on only inside a run's rows."""
-    edges = np.unique(
-        np.concatenate((left.data.starts, np.flatnonzero(np.diff(left.group)) + 1))
-    )
-    return [(int(left.group[a]), slice(int(a), int(b))) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    edges = np.unique(np.concatenate((left.data.starts, np.flatnonzero(np.diff(left.group)) + 1)))
+    return [(int(left.group[a]), slice(int(a), int(b))) for a, b in pairwise(edges)]

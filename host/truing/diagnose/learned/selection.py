@@ -8,16 +8,24 @@ from dataclasses import dataclass
 import numpy as np
 
 from truing.arrays import FloatArray, IntArray
-from truing.diagnose.learned.regression import LINEAR, PENALTIES, Left, Sums, difference_penalty, sums_of
+from truing.diagnose.learned.regression import (
+    LINEAR,
+    PENALTIES,
+    Left,
+    Sums,
+    block,
+    difference_penalty,
+    sums_of,
+)
 from truing.diagnose.learned.variables import Candidate
 from truing.model.correction import PERIODIC
 
 # Terms at most.
 MAX_TERMS = 4
-# A term is kept if it takes this share off the squared error on runs left out, and its gain over the groups is
-# so many standard errors from zero (or every group gains).
+# A term is kept if it takes this share off the squared error on runs left out, and its gain over the groups
+# is so many standard errors from zero (or every group gains).
 MIN_GAIN, MIN_ERRORS = 0.02, 1.6
-# A candidate that stands earlier in the list, the simpler one, is taken where it brings this share of the best.
+# A candidate that stands earlier in the list, the simpler one, is taken if it brings this share of the best.
 SIMPLER = 0.95
 # Candidates that are tried under every penalty.
 PROMISING = 6
@@ -55,7 +63,7 @@ def select(sums: Sums, groups: Sequence[int], most: int = MAX_TERMS) -> Chosen:
         if not least < total:
             break
         good = [each for each in tried if total - each[0] >= SIMPLER * (total - least)]
-        error, k, penalty, errors = min(good, key=lambda each: each[1])
+        _, k, penalty, errors = min(good, key=lambda each: each[1])
         if not _is_gain(before - errors, total):
             break
         chosen, before = Chosen((*chosen.terms, k), penalty), errors
@@ -109,9 +117,8 @@ def penalty_matrix(sums: Sums, terms: Sequence[int], weight: float, gram: FloatA
 def solve(sums: Sums, terms: Sequence[int], weight: float, groups: Sequence[int], w: int) -> FloatArray:
     """Coefficients of one wheel from these groups, shape (width,)."""
     cols = columns(sums, terms)
-    chosen = list(groups)
-    gram = sums.gram[np.ix_(chosen, [w], cols, cols)][:, 0].sum(axis=0)
-    moment = sums.moment[np.ix_(chosen, [w], cols)][:, 0].sum(axis=0)
+    gram = block(sums.gram, groups, w, cols).sum(axis=0)
+    moment = sums.moment[list(groups), w][:, cols].sum(axis=0)
     out: FloatArray = np.linalg.solve(gram + penalty_matrix(sums, terms, weight, gram), moment)
     return out
 
@@ -125,23 +132,23 @@ def _left_out(
     cols = columns(sums, terms)
     out = np.zeros(len(groups))
     for w in range(2):
-        grams = sums.gram[np.ix_(list(groups), [w], cols, cols)][:, 0]
-        moments = sums.moment[np.ix_(list(groups), [w], cols)][:, 0]
+        grams = block(sums.gram, groups, w, cols)
+        moments = sums.moment[list(groups), w][:, cols]
         whole, sum_ = grams.sum(axis=0), moments.sum(axis=0)
         if not whole.any():
             continue
         penalty = penalty_matrix(sums, terms, weight, whole)
-        theta = np.linalg.solve(whole[None] - grams + penalty[None], (sum_[None] - moments)[..., None])[..., 0]
+        theta = np.linalg.solve(whole[None] - grams + penalty[None], (sum_[None] - moments)[..., None])[
+            ..., 0
+        ]
         square = sums.square[list(groups), w]
         out += square - 2.0 * np.einsum("gk,gk->g", theta, moments)
         out += np.einsum("gk,gkl,gl->g", theta, grams, theta)
     return out
 
 
-def at_best_constants(
-    left: Left, sums: Sums, chosen: Chosen, groups: Sequence[int]
-) -> tuple[Sums, Chosen]:
-    """The chosen terms, each with the time constant, frequency or period nearby that does best on these groups."""
+def at_best_constants(left: Left, sums: Sums, chosen: Chosen, groups: Sequence[int]) -> tuple[Sums, Chosen]:
+    """The chosen terms, each at that constant nearby that does best on these groups."""
     kept = [sums.candidates[k] for k in chosen.terms]
     for place, one in enumerate(kept):
         if one.constant <= 0.0 or one.variable == "heading":

@@ -46,7 +46,7 @@ class Candidate:
 def row_variable(data: SetData, variable: str, constant: float) -> FloatArray:
     """Values of a variable that the rows alone determine, shape (n, 2).
 
-    Travel and heading are the measured ones, as in the catalogue's periodic effects: a simulated phase drifts.
+    Travel and heading are the measured ones, as in the catalogue's periodic effects: a simulated one drifts.
     """
     effort = data.effort
     if variable == "effort":
@@ -146,7 +146,7 @@ def _ring(starts, dt, u, omega, damping, out, rate) -> None:  # type: ignore[no-
     for segment in range(len(starts) - 1):
         x, y = np.zeros(2), np.zeros(2)
         for i in range(starts[segment], starts[segment + 1]):
-            count = max(1, int(math.ceil(dt[i] * omega / 0.1)))
+            count = max(1, math.ceil(dt[i] * omega / 0.1))
             h = dt[i] / count
             for w in range(2):
                 for _ in range(count):
@@ -157,7 +157,7 @@ def _ring(starts, dt, u, omega, damping, out, rate) -> None:  # type: ignore[no-
 
 
 def smoothed_speeds(data: SetData) -> FloatArray:
-    """Measured speeds as a stand-in for the state: a moving mean, and 0 where a wheel stands, shape (n, 2)."""
+    """Measured speeds for the state: a moving mean, and 0 where a wheel stands, shape (n, 2)."""
     from scipy.ndimage import uniform_filter1d
 
     rows = max(1, round(SMOOTHED_S / float(np.median(data.interval_s))))
@@ -167,14 +167,14 @@ def smoothed_speeds(data: SetData) -> FloatArray:
     out = np.concatenate(
         [uniform_filter1d(filled[a:b], rows, axis=0, mode="nearest") for a, b in pairwise(data.starts)]
     )
-    return np.where(np.abs(out) < 1.5e-3 * data.top_mps, 0.0, out)
+    return np.asarray(np.where(np.abs(out) < 1.5e-3 * data.top_mps, 0.0, out))
 
 
 def _filled(values: FloatArray) -> FloatArray:
     good = np.isfinite(values)
     if good.all() or not good.any():
         return np.nan_to_num(values)
-    return np.interp(np.arange(len(values)), np.flatnonzero(good), values[good])
+    return np.asarray(np.interp(np.arange(len(values)), np.flatnonzero(good), values[good]))
 
 
 def state_variable(variable: str, speeds: FloatArray, effort: FloatArray, gain: FloatArray) -> FloatArray:
@@ -195,7 +195,9 @@ def candidates(data: SetData, speeds: FloatArray, gain: FloatArray) -> Iterator[
             return state_variable(variable, speeds, data.effort, gain)
         return row_variable(data, variable, constant)
 
-    def even(place: Place, variable: Variable, constant: float = 0.0, points: int = POINTS) -> Candidate | None:
+    def even(
+        place: Place, variable: Variable, constant: float = 0.0, points: int = POINTS
+    ) -> Candidate | None:
         z = spread(variable, constant)
         low, high = np.quantile(z, [OUTSIDE, 1.0 - OUTSIDE])
         if high - low < 1e-6:

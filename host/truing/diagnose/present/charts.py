@@ -11,8 +11,10 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.diagnose.data.traces import RunTraces
+from truing.diagnose.learned.result import LearnedTerm
 from truing.diagnose.present.cells import Bins, TimeCells
 from truing.diagnose.result import Diagnosis, EffectParameter, NamedEffect
+from truing.model.correction import UNITS
 from truing.plan import Plan
 from truing.recording.run import WHEELS, Wheel
 from truing.report.figures import AXIS, FONT, LEGEND, Figure, axis_title, figure_heading, figure_numbers
@@ -144,6 +146,41 @@ def against(quantity: str, before: Sequence[Bins], after: Sequence[Bins] = ()) -
         "showlegend": False,
     }
     layout["margin"] = {"l": 54, "r": 10, "t": 32, "b": 44}
+    return {"data": data, "layout": layout}
+
+
+def learned_term(learned: LearnedTerm) -> Figure:
+    """Both wheels' lookups of a learned term against its variable, with their 95 % bands."""
+    term = learned.term
+    percent = {"force": "effort, %", "friction": "effort against the motion, %"}.get(
+        term.place, f"{term.place}, %"
+    )
+    grid = np.array(term.grid)
+    data: list[dict[str, Any]] = []
+    bands = (term.left_band, term.right_band)
+    for wheel, values, band in zip(WHEELS, term.values(), bands, strict=True):
+        colour = COLOURS[wheel]
+        if band:
+            high, low = values + np.array(band), values - np.array(band)
+            outline = {"x": _floats(np.concatenate((grid, grid[::-1])))}
+            outline["y"] = _floats(100.0 * np.concatenate((high, low[::-1])))
+            data.append(
+                outline
+                | {"type": "scatter", "mode": "lines", "fill": "toself", "fillcolor": _faint(colour)}
+                | {"line": {"width": 0}, "hoverinfo": "skip", "showlegend": False}
+            )
+        data.append(
+            {"type": "scatter", "mode": "lines+markers", "x": _floats(grid), "y": _floats(100.0 * values)}
+            | {"name": f"{wheel}, learned", "line": {"color": colour, "width": 1.8}, "marker": {"size": 4}}
+            | {"hovertemplate": "%{y:.2f} %"}
+        )
+    unit = UNITS[term.variable]
+    text = learned.depends_on if unit == "1" else f"{learned.depends_on}, {unit}"
+    layout = _layout(340) | {
+        "xaxis": AXIS | {"title": axis_title(escape(text)), "zeroline": False},
+        "yaxis": AXIS | {"title": axis_title(percent)},
+        "annotations": [figure_heading("Learned shape, with its 95 % band", 1.0)],
+    }
     return {"data": data, "layout": layout}
 
 

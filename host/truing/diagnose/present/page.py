@@ -17,6 +17,7 @@ from truing.diagnose.present.text import (
     capital,
     effect_title,
     headline,
+    learned_lines,
     next_lines,
     number_lines,
     of_axis,
@@ -63,6 +64,7 @@ def render_report(recordings: RecordingSet, diagnosis: Diagnosis, *, board: bool
         page.compared(),
         page.differs(),
         page.missing(),
+        page.learned(),
         page.confidence(),
         page.to_do(),
     )
@@ -213,6 +215,18 @@ class _Page:
         figure = charts.splits(self.diagnosis)
         place = "" if figure is None else self._place("splits", figure, "single")
         return f'<h2>{title}</h2><div class="cards">{cards}</div>{place}{more}'
+
+    def learned(self) -> str:
+        lines = learned_lines(self.diagnosis)
+        if not lines or self.diagnosis.learned is None:
+            return ""
+        places = [
+            self._add(f"learned-{number}", charts.learned_term(one))
+            for number, one in enumerate(self.diagnosis.learned.terms)
+        ]
+        kind = "pair" if len(places) > 1 else "single"
+        shapes = f'<div class="plots {kind}">{"".join(places)}</div>' if places else ""
+        return f"<h2>What is learned</h2>{_paragraphs(lines)}{shapes}"
 
     def confidence(self) -> str:
         parts = [f"<h2>Confidence and limitations</h2>{_paragraphs(uncertainty_lines(self.diagnosis))}"]
