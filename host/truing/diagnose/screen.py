@@ -22,7 +22,7 @@ from truing.diagnose.problem import Problem, is_identifiable
 
 # The first-order amplitude is limited to these multiples of the probe's amplitude.
 MIN_SCALE, MAX_SCALE = 0.15, 4.0
-# A scanned parameter starts at the probe's own value: its shape may be scaled so far when starts are compared.
+# A scanned parameter starts at the probe's own value: starts are compared with shapes scaled by this at most.
 MAX_SCANNED_SCALE = 1.5
 # Further starting values are used if their predicted gain is this share of the best one's.
 MIN_SHARE_OF_BEST = 0.6
