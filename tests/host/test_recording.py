@@ -55,6 +55,12 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "01_run.csv"
 
 
+def test_times_in_whole_milliseconds_keep_their_rate() -> None:
+    times = np.round(np.arange(91) / 30.0, 3)
+    run = Run("ms", {"t_s": times, "effort_left": np.zeros(91), "vel_left": np.zeros(91)})
+    assert run.rate_hz == 30.0
+
+
 def test_a_plain_file_is_read_as_it_stands(file: Path) -> None:
     run = read_run(write(file, rows()))
     assert run.name == "01_run"
