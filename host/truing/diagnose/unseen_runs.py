@@ -17,6 +17,8 @@ from truing.diagnose.search import effect_set
 NEGLIGIBLE = 0.01
 # Benefits that differ by less than this are alike.
 SIMILAR_BENEFIT = 0.06
+# What is taken from one signal's error is outweighed by the other's benefit up to this share of it.
+MAX_TAKEN = 0.25
 # A part of a single run with more than this share of the squared difference of two models is the only one
 # that distinguishes them.
 ONLY_PART = 0.8
@@ -67,12 +69,16 @@ class UnseenRuns:
         return self._known[name]
 
     def benefit(self, one: Fit, other: Fit) -> float:
-        """Share by which `one` lowers the error of wheels or pose; negative where it raises either."""
+        """Share by which `one` lowers the error of wheels or pose; negative where it raises either in earnest.
+
+        An equation that approximates the physics can bring much to one and take a little from the other.
+        """
         a, b = self.errors(one), self.errors(other)
         shares = [1.0 - self._wheels_ratio(one, other)]
         if b.pose > 0.0:
             shares.append(1.0 - a.pose / b.pose)
-        return min(shares) if min(shares) < -NEGLIGIBLE else max(shares)
+        allowed = max(NEGLIGIBLE, MAX_TAKEN * max(shares))
+        return min(shares) if min(shares) < -allowed else max(shares)
 
     def _wheels_ratio(self, one: Fit, other: Fit) -> float:
         """Error of the wheels by `one` over that by `other`.
