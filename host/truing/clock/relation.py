@@ -186,20 +186,47 @@ def _regression(
 def _bounds(
     x_sent: FloatArray, upper: FloatArray, x_received: FloatArray, lower: FloatArray
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Of all lines below `upper` and above `lower` the extremes of their value at 0, and of their slope."""
-    from scipy.optimize import linprog
+    """Of all lines below `upper` and above `lower` the extremes of their value at 0, and of their slope.
 
-    above = np.column_stack([np.ones_like(x_sent), x_sent])
-    below = np.column_stack([np.ones_like(x_received), x_received])
-    rows = np.vstack([above, -below])
-    limits = np.concatenate([upper, -lower])
-    found = []
-    for aim in ((1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0)):
-        result = linprog(aim, A_ub=rows, b_ub=limits, bounds=[(None, None), (None, None)], method="highs")
-        if result.x is None:
-            raise ClockError(
-                "no straight line relates the two clocks over these round trips: one of them jumped",
-                "measure again, while the board is neither restarted nor saving parameters",
-            )
-        found.append(float(np.dot(np.abs(aim), result.x)))
-    return (found[0], found[1]), (found[2], found[3])
+    A line a + s x lies between them where s (x_i - y_j) <= upper_i - lower_j for every pair of limits, which
+    bounds s. At each such s the value a is free between the highest lower and the lowest upper limit, both of
+    them piecewise linear in s, so that their extremes are at a corner or at an end of the range of s. Of all
+    limits the corners of their convex hulls alone matter.
+    """
+    roof_x, roof = _hull(x_sent, upper)
+    floor_x, floor = _hull(x_received, -lower)
+    floor = -floor
+    run = roof_x[:, None] - floor_x
+    rise = roof[:, None] - floor
+    low = float(np.max((rise[run < 0.0] / run[run < 0.0]), initial=-math.inf))
+    high = float(np.min((rise[run > 0.0] / run[run > 0.0]), initial=math.inf))
+    if low > high or np.any(rise[run == 0.0] < 0.0):
+        raise ClockError(
+            "no straight line relates the two clocks over these round trips: one of them jumped",
+            "measure again, while the board is neither restarted nor saving parameters",
+        )
+    slopes = np.concatenate([[low, high], _slopes(roof_x, roof), _slopes(floor_x, floor)]).clip(low, high)
+    least = np.max(floor - slopes[:, None] * floor_x, axis=1)
+    most = np.min(roof - slopes[:, None] * roof_x, axis=1)
+    return (float(np.min(least)), float(np.max(most))), (low, high)
+
+
+def _hull(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Corners of the lower convex hull of points (Andrew's monotone chain), from left to right."""
+    corners: list[tuple[float, float]] = []
+    order = np.lexsort((y, x))
+    for here_x, here_y in zip(x[order].tolist(), y[order].tolist(), strict=True):
+        if corners and corners[-1][0] == here_x:
+            continue  # straight above the one before
+        while len(corners) > 1:
+            (first_x, first_y), (last_x, last_y) = corners[-2:]
+            if (last_x - first_x) * (here_y - first_y) > (last_y - first_y) * (here_x - first_x):
+                break
+            corners.pop()
+        corners.append((here_x, here_y))
+    hull = np.array(corners)
+    return hull[:, 0], hull[:, 1]
+
+
+def _slopes(x: FloatArray, y: FloatArray) -> FloatArray:
+    return np.asarray(np.diff(y) / np.diff(x))
