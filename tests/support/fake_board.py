@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import zlib
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -301,8 +302,9 @@ class FakeLine:
         self.latency_s = latency_s
         self._now = 0.0
         self._decoder = FrameDecoder()
-        self._inbound: list[tuple[float, int]] = []
-        self._outbound: list[tuple[float, int]] = []
+        # Both in the order of their times, each with the moment at which it arrives.
+        self._inbound: deque[tuple[float, int]] = deque()
+        self._outbound: deque[tuple[float, int]] = deque()
         self._free_in = self._free_out = 0.0
 
     def write(self, data: bytes) -> None:
@@ -327,9 +329,8 @@ class FakeLine:
         pass
 
     def _advance(self, until: float) -> None:
-        due = [(t, b) for t, b in self._inbound if t <= until]
-        self._inbound = [(t, b) for t, b in self._inbound if t > until]
-        for at, byte in due:
+        while self._inbound and self._inbound[0][0] <= until:
+            at, byte = self._inbound.popleft()
             for frame in self._decoder.feed(bytes([byte])):
                 self.board.now_s = at
                 if self.board.silent:
@@ -341,6 +342,7 @@ class FakeLine:
         self.board.now_s = until
 
     def _take(self) -> bytes:
-        ready = bytes(b for t, b in self._outbound if t <= self._now)
-        self._outbound = [(t, b) for t, b in self._outbound if t > self._now]
-        return ready
+        ready = bytearray()
+        while self._outbound and self._outbound[0][0] <= self._now:
+            ready.append(self._outbound.popleft()[1])
+        return bytes(ready)
