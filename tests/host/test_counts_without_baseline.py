@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from support.cli import truing
+from support.cli import truing_within
 from truing.errors import IdentifyError, TruingError
 from truing.identify.identification import identify_set
 from truing.importers import read_runs
@@ -43,14 +43,14 @@ def test_gain_and_time_constant_are_those_that_a_baseline_with_the_geometry_give
 
 def test_identify_writes_a_baseline_that_holds_what_it_found(counts: Path, tmp_path: Path) -> None:
     file = tmp_path / "baseline.toml"
-    done = truing("identify", str(counts), *GIVEN, "--write-baseline", str(file))
+    done = truing_within("identify", str(counts), *GIVEN, "--write-baseline", str(file))
     assert done.returncode == 0, done.stderr
     found = identify_set(read_runs(counts, geometry=given_geometry(4096, 0.0457003))).whole_fits
     baseline = read_baseline(file)
     assert baseline.robot == RobotGeometry("", 0.0457003, 0.175603, 4096)
     assert baseline.left.gain_mps == found["left"].gain.value
     assert baseline.right.time_constant_s == found["right"].time_constant.value
-    assert truing("identify", str(counts), "--model", str(file)).returncode == 0
+    assert truing_within("identify", str(counts), "--model", str(file)).returncode == 0
 
 
 @pytest.mark.parametrize(("command", "option"), [("identify", "--write-baseline"), ("fit", "--out")])
@@ -68,19 +68,19 @@ def test_a_model_is_written_although_nobody_reads_what_is_printed(
 
 
 def test_fit_takes_the_geometry_as_identify_does(counts: Path, tmp_path: Path) -> None:
-    assert truing("fit", str(counts)).returncode == 2
-    done = truing("fit", str(counts), *GIVEN, "--out", str(tmp_path / "model.toml"))
+    assert truing_within("fit", str(counts)).returncode == 2
+    done = truing_within("fit", str(counts), *GIVEN, "--out", str(tmp_path / "model.toml"))
     assert done.returncode == 0, done.stderr
     assert read_baseline(tmp_path / "model.toml").wheelbase_m == 0.175603
 
 
 def test_counts_without_geometry_say_which_two_numbers_are_needed(counts: Path) -> None:
-    done = truing("identify", str(counts))
+    done = truing_within("identify", str(counts))
     assert done.returncode == 2
     assert str(counts) in done.stderr
     assert "--counts-per-rev" in done.stderr
     assert "--wheel-radius" in done.stderr
-    half = truing("identify", str(counts), "--counts-per-rev", "4096")
+    half = truing_within("identify", str(counts), "--counts-per-rev", "4096")
     assert half.returncode == 2
     assert "wheel_radius_m" in half.stderr
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.cli import truing
+from support.cli import truing_within
 from support.first_order_robot import BASELINE, TEST_XI, FirstOrderRobot
 from truing.errors import IdentifyError
 from truing.model.linear import StateSpaceModel
@@ -103,7 +103,7 @@ def test_a_set_without_the_papers_tests_is_refused_by_name(driven: RecordingSet)
 def test_what_needs_no_board_prints_draws_and_writes_its_tables(
     part: str, words: tuple[str, ...], tmp_path: Path
 ) -> None:
-    done = truing("paper", part, "--out", str(tmp_path))
+    done = truing_within("paper", part, "--out", str(tmp_path))
     assert done.returncode == 0, done.stderr
     for word in words:
         assert word in done.stdout
@@ -113,12 +113,12 @@ def test_what_needs_no_board_prints_draws_and_writes_its_tables(
 
 @pytest.mark.parametrize("part", ["gains", "mom"])
 def test_the_same_comes_as_one_json_value(part: str, tmp_path: Path) -> None:
-    tree = json.loads(truing("paper", part, "--out", str(tmp_path), "--json").stdout)
+    tree = json.loads(truing_within("paper", part, "--out", str(tmp_path), "--json").stdout)
     assert ("ladder" if part == "gains" else "replays") in tree
 
 
 def test_models_without_driven_tests_say_how_to_drive_them(tmp_path: Path) -> None:
-    done = truing("paper", "models", TRUING_OUT=str(tmp_path))
+    done = truing_within("paper", "models", TRUING_OUT=str(tmp_path))
     assert done.returncode == 2
     assert "truing paper" in done.stderr
     assert "Traceback" not in done.stderr

@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from support import diagnoses
-from support.cli import truing
+from support.cli import truing_within
 from support.recorded_sets import BASELINE_TOML, Columns, recordings, write_csv, write_set
 from truing.board.parameter_file import read_parameter_file
 from truing.cli.app import App
@@ -157,7 +157,7 @@ def _backwards(folder: Path) -> None:
 def test_bad_input_exits_with_2_and_one_line_that_names_the_place(tmp_path: Path, damage, words) -> None:
     folder = write_set(tmp_path / "set")
     damage(folder)
-    done = truing("diagnose", str(folder), "--json", str(tmp_path / "v.json"))
+    done = truing_within("diagnose", str(folder), "--json", str(tmp_path / "v.json"))
     assert done.returncode == 2
     assert len(done.stderr.strip().split("\n")) == 1, done.stderr
     assert all(word in done.stderr for word in words), done.stderr
@@ -169,7 +169,7 @@ def test_a_wheel_that_turns_backwards_exits_with_2(tmp_path: Path) -> None:
     def change(name: str, values: Columns) -> None:
         values["ticks_left"] *= -1.0
 
-    done = truing("diagnose", str(write_set(tmp_path / "set", 4, change)))
+    done = truing_within("diagnose", str(write_set(tmp_path / "set", 4, change)))
     assert done.returncode == 2
     assert "the left wheel turns against its effort" in done.stderr
 
@@ -177,7 +177,7 @@ def test_a_wheel_that_turns_backwards_exits_with_2(tmp_path: Path) -> None:
 def test_runs_that_another_simulator_lacks_are_named(tmp_path: Path) -> None:
     folder = write_set(tmp_path / "set")
     simulated = write_set(tmp_path / "sim", 3)
-    done = truing("diagnose", str(folder), "--sim-runs", str(simulated))
+    done = truing_within("diagnose", str(folder), "--sim-runs", str(simulated))
     assert done.returncode == 2
     assert "no 04_levels.csv" in done.stderr
 
@@ -198,7 +198,7 @@ def test_rows_of_another_simulator_must_be_those_of_the_recording(tmp_path: Path
         values = dict(one.columns)
         change(values)
         write_csv(other / f"{one.name}.csv", values)
-    done = truing("diagnose", str(folder), "--sim-runs", str(other))
+    done = truing_within("diagnose", str(folder), "--sim-runs", str(other))
     assert done.returncode == 2
     assert words in done.stderr
     assert "01_levels.csv" in done.stderr
@@ -237,7 +237,7 @@ def test_wheels_only_hides_the_outside_pose() -> None:
 
 
 def test_help_shows_examples() -> None:
-    done = truing("diagnose", "--help")
+    done = truing_within("diagnose", "--help")
     assert done.returncode == 0
     assert "truing diagnose my_robot --sim-runs" in done.stdout
 
