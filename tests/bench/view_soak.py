@@ -16,6 +16,7 @@ from statistics import median
 from typing import TYPE_CHECKING
 
 from bench.figure import Figure
+from support.browser import start_browser
 from web.browser_rig import go, live, take_control, wait
 from web.process_memory import helpers_mb, resident_mb
 from web.soak import RATE_HZ, drive_runs, heap_mb, soaked_set
@@ -78,7 +79,7 @@ def _soak(folder: Path, seconds: float) -> list[tuple[float, float, float, float
     rows: list[tuple[float, float, float, float]] = []
     try:
         with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+            browser = start_browser(playwright)
             watcher, looker, driver = (browser.new_page() for _ in range(3))
             watcher.goto(view.address)
             looker.goto(view.address + "compare")

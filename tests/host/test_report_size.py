@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from support import diagnoses
+from support.browser import CHROMIUM, start_browser
 from support.recorded_sets import recordings
 from truing.diagnose.present.page import render_report
 from truing.identify.identification import identify_set
@@ -69,13 +70,13 @@ def test_long_lines_lose_points_and_keep_their_peaks() -> None:
 def test_the_page_opens_in_a_browser_without_an_error(tmp_path: Path) -> None:
     """Every figure is drawn, has its axes' numbers, and can be zoomed and undone."""
     sync_api = pytest.importorskip("playwright.sync_api")
-    if not Path("/usr/bin/chromium").exists():
+    if not CHROMIUM.exists():
         pytest.skip("no browser here")
     file = tmp_path / "page.html"
     file.write_text(render_report(recordings(4), diagnoses.missing_physics()), encoding="utf-8")
     said: list[str] = []
     with sync_api.sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        browser = start_browser(playwright)
         page = browser.new_page(viewport={"width": 1100, "height": 9000})
         page.on("pageerror", lambda error: said.append(str(error)))
         page.goto(file.as_uri())

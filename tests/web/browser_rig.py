@@ -14,7 +14,7 @@ from support.served_board import ServedBoard
 from web.view_process import CutLink, ViewProcess
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page, Playwright
+    from playwright.sync_api import Browser, BrowserContext, Page, ViewportSize
 
 
 START = "Start in 3 s"
@@ -26,15 +26,6 @@ MARK_FIRST_PICTURE = """(() => { const look = () => {
     if (picture?.clientWidth) window.firstMs = performance.now(); else requestAnimationFrame(look);
 }; look(); })()"""
 
-
-# Playwright's own list, which a second one would replace, and two pop-ups of the address bar, which each page
-# would load in a process of its own.
-_NOT_NEEDED = (
-    "AvoidUnnecessaryBeforeUnloadCheckSync,DestroyProfileOnBrowserClose,HttpsUpgrades,LensOverlay,MediaRouter,"
-    "HttpsFirstBalancedModeAutoEnable,PaintHolding,ThirdPartyStoragePartitioning,OptimizationHints,AimEnabled,"
-    "AvoidCorsURLLoaderRestartOnRedirect,NetworkTimeServiceQuerying,PreconnectToSearch,"
-    "WebUIOmniboxPopup,WebUIOmniboxAimPopup"
-)
 
 # In the page itself: a picture at most every 90 ms, as on a slow machine. Thirty a second in software take a
 # fifth of a core; a test that reads numbers and presses keys sees no more of them.
@@ -69,13 +60,8 @@ class Problems(list[str]):
     """Script errors of a page, and every request that leaves the view."""
 
 
-def start_browser(playwright: Playwright) -> Browser:
-    arguments = ["--no-sandbox", f"--disable-features={_NOT_NEEDED}"]
-    return playwright.chromium.launch(executable_path="/usr/bin/chromium", args=arguments)
-
-
 def open_page(
-    browser: Browser,
+    opener: Browser | BrowserContext,
     rig: Rig,
     problems: Problems,
     path: str = "",
@@ -83,7 +69,13 @@ def open_page(
     height: int = 720,
     every_picture: bool = False,
 ) -> Page:
-    page = browser.new_page(viewport={"width": width, "height": height})
+    """A page of its own context with a browser, a further page of that context with a context."""
+    size: ViewportSize = {"width": width, "height": height}
+    if hasattr(opener, "new_context"):
+        page = opener.new_page(viewport=size)
+    else:
+        page = opener.new_page()
+        page.set_viewport_size(size)
     page.set_default_timeout(30_000)
     if not every_picture:
         page.add_init_script(_FEW_PICTURES)

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import pytest
 from _pytest.runner import runtestprotocol
 
-from web.browser_rig import Problems, Rig, open_page, page_state, start_browser
+from support.browser import start_browser
+from web.browser_rig import Problems, Rig, open_page, page_state
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Page
+    from playwright.sync_api import Browser, BrowserContext, Page
 
 
 @pytest.fixture(scope="module")
@@ -68,9 +69,19 @@ def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) ->
     return report
 
 
-@pytest.fixture
-def page(browser: Browser, rig: Rig, problems: Problems) -> Iterator[Page]:
-    made = open_page(browser, rig, problems)
+@pytest.fixture(scope="module")
+def context(browser: Browser) -> Iterator[BrowserContext]:
+    """One cache for the pages of a module: the view's scripts are loaded and compiled once."""
+    made = browser.new_context()
     yield made
     made.close()
+
+
+@pytest.fixture
+def page(context: BrowserContext, rig: Rig, problems: Problems) -> Iterator[Page]:
+    made = open_page(context, rig, problems)
+    yield made
+    for each in context.pages:
+        each.close()
+    context.clear_cookies()
     assert not problems

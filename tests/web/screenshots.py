@@ -16,6 +16,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from PIL import Image
 from playwright.sync_api import Page, sync_playwright
 
+from support.browser import start_browser
 from truing.web.views.mismatch_map import mismatch_map
 from web.browser_rig import MARK_FIRST_PICTURE
 from web.synthetic_runs import time_cells, write_diagnosis
@@ -50,7 +51,7 @@ def main(folder: Path, *, readme: bool = False) -> None:
     view = ViewProcess(out)
     try:
         with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+            browser = start_browser(playwright)
             for size, (width, height) in SIZES.items():
                 for name, prepare in PAGES.items():
                     page = browser.new_page(viewport={"width": width, "height": height})

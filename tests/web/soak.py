@@ -22,6 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
 import numpy as np
 
+from support.browser import start_browser
 from truing.recording.reader import read_run
 from web.browser_rig import START
 from web.process_memory import helpers_mb, resident_mb
@@ -98,7 +99,7 @@ def soak(folder: Path, seconds: float, warm_s: float, min_runs: int = 1) -> Soak
     pid = view.process.pid
     try:
         with sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+            browser = start_browser(playwright)
             watcher, driver = browser.new_page(), browser.new_page()
             watcher.goto(view.address)
             driver.goto(view.address + "analysis")
