@@ -69,7 +69,7 @@ class UnseenRuns:
         return self._known[name]
 
     def benefit(self, one: Fit, other: Fit) -> float:
-        """Share by which `one` lowers the error of wheels or pose; negative where it raises either in earnest.
+        """Share by which `one` lowers the error of wheels or pose; negative where it clearly raises either.
 
         An equation that approximates the physics can bring much to one and take a little from the other.
         """
