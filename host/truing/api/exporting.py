@@ -50,8 +50,8 @@ def export(
     ----------
     model : what `identify`, `fit` or `diagnose` returned, a `RobotModel`, a `Baseline`, or a file of these.
     path : of the file.
-    to : the kind: toml, mjcf, urdf, sdf, fmu, python, simulink, mat, c-header, ros2-control, wpilib; and
-        after a diagnosis params, values for the board. The default is the one kind whose files end
+    to : the kind: toml, mjcf, urdf, sdf, fmu, c, python, simulink, mat, c-header, ros2-control, wpilib;
+        and after a diagnosis params, values for the board. The default is the one kind whose files end
         as `path` does. Recordings (what `read` returned) are written as mcap, for Foxglove: a file per
         run into the folder `path`, or one run to the file.
     options : what a model does not say and some formats need (voltage in V, inertia in kg m^2, lengths in m).

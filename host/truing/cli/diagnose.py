@@ -84,6 +84,10 @@ if TYPE_CHECKING:
     help="Learn a correction for what the model leaves: shapes of one variable each, kept only if they lower "
     "the error on runs left out. Takes about 10 s more.",
 )
+@click.option(
+    "--skeleton", "skeleton_path", metavar="FILE", type=click.Path(dir_okay=False, path_type=Path),
+    help="Write the strongest learned shape as a new file of the catalogue (with --learn).",
+)  # fmt: skip
 @click.option("--wheels-only", is_flag=True, help="Ignore the external pose (truth_*).")
 @axis_option
 @geometry_options
@@ -104,6 +108,7 @@ def command(
     accept: str | None,
     measured: tuple[str, ...],
     learn: bool,
+    skeleton_path: Path | None,
     wheels_only: bool,
     axis: Motion | None,
     jobs: int | None,
@@ -140,7 +145,7 @@ def command(
         from truing.recording.writer import check_output, replace_file
 
         wanted = parse_exports(exports)
-        for path in (json_path, report_path, next_run, *(export.path for export in wanted)):
+        for path in (json_path, report_path, next_run, skeleton_path, *(export.path for export in wanted)):
             if path is not None:
                 check_output(path)
         if commanded and (wheels_only or wheel is not None or sim_runs is not None):
@@ -168,6 +173,11 @@ def command(
         for line in write_exports(wanted, recordings, diagnosis, options.wheel) if wanted else []:
             has_path = line.startswith("written")
             app.say(line if recordings.axis is None or has_path else recordings.axis.text(line))
+        if skeleton_path is not None:
+            from truing.diagnose.learned.skeleton import write_skeleton
+
+            write_skeleton(diagnosis.learned, skeleton_path)
+            app.say(f"written: {skeleton_path}")
         if next_run is not None and diagnosis.next_experiment is not None:
             replace_file(next_run, diagnosis.next_experiment.plan.to_toml().encode("utf-8"))
             app.say(f"written: {next_run}")

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 KINDS: dict[str, str] = {
     "toml": "the whole model; also a baseline.toml for truing diagnose",
     "mat": "every parameter as a MATLAB structure: model.left.gain_mps, ...",
+    "c": "one C file with robot_step(robot, seconds, efforts), needs no library but libm",
     "c-header": "parameters of the board: feedforward ks, kv, ka and the geometry",
     "python": "one file with simulate(times, efforts), needs no package",
     "simulink": "state space A, B, C, D, Ts and delay (.mat) with a script (.m)",

@@ -166,8 +166,9 @@ def analyse(
     diagnosis = assemble_result(recordings, reasoning)
     if learn and not data.commanded:
         progress(0.92)
-        shown = reasoning.best if diagnosis.verdict in NAMING else reasoning.base
-        diagnosis = replace(diagnosis, learned=learned_correction(reasoning.fitted_under, shown))
+        named = reasoning.best.effects if diagnosis.verdict in NAMING else ()
+        beside = (reasoning.best, reasoning.base) if named else (reasoning.base,)
+        diagnosis = replace(diagnosis, learned=learned_correction(reasoning.fitted_under, beside))
     progress(1.0)
     return replace(diagnosis, seconds=time.monotonic() - began)
 

@@ -38,6 +38,7 @@ def exporters() -> dict[str, Exporter]:
     """Every exporter by its kind."""
     from . import (
         c_header,
+        c_source,
         fmu,
         mjcf,
         model_mat,
@@ -54,6 +55,7 @@ def exporters() -> dict[str, Exporter]:
         model_mat,
         model_toml,
         c_header,
+        c_source,
         python_function,
         state_space,
         urdf,

@@ -22,6 +22,7 @@ from truing.errors import TruingError
 from truing.model.robot_model import RobotModel
 from truing.recording.writer import replace_file
 
+from .correction_numbers import correction_numbers
 from .terms import DEFAULTS, EVERYTHING, ExportOptions, headline, left_out, wheels
 from .xml_file import child, number, write_xml
 
@@ -57,8 +58,8 @@ UNITS: dict[str, dict[str, str]] = {
     "rad": {"rad": "1"},
     "s2/m2": {"s": "2", "m": "-2"},
 }
-SOURCES = ("slave.c", "wheel.c", "unused.c")
-HEADERS = ("fmi2.h", "wheel.h")
+SOURCES = ("slave.c", "wheel.c", "correction.c", "unused.c")
+HEADERS = ("fmi2.h", "wheel.h", "correction.h")
 COMPILE = ("-std=c11", "-O2", "-fPIC", "-shared", "-ffp-contract=off", "-fvisibility=hidden")
 # The same model gives the same file.
 ZIP_DATE = (1980, 1, 1, 0, 0, 0)
@@ -80,6 +81,7 @@ def write(model: RobotModel, path: Path, options: ExportOptions = DEFAULTS) -> t
     folder = resources.files("truing.exporters") / "fmu_source"
     files = {f"sources/{name}": (folder / name).read_bytes() for name in (*SOURCES, *HEADERS)}
     files["sources/model_numbers.h"] = _numbers(model, guid, wheelbase).encode()
+    files["sources/correction_numbers.h"] = correction_numbers(model.correction).encode()
     with tempfile.TemporaryDirectory() as temporary:
         work = Path(temporary)
         (work / "sources").mkdir()

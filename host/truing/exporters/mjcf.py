@@ -13,16 +13,17 @@ from pathlib import Path
 from xml.etree import ElementTree as Xml
 
 from truing.model.robot_model import RobotModel
+from truing.recording.writer import replace_file
 
 from .joint import WHEEL_SHARE, joints
 from .joint import remarks as joint_remarks
-from .terms import DEFAULTS, ExportOptions, headline, left_out, wheels
+from .terms import CORRECTION, DEFAULTS, ExportOptions, headline, left_out, wheels
 from .xml_file import child, number, numbers, write_xml
 
 KIND = "mjcf"
 TITLE = "damping, frictionloss, armature and actuators for MuJoCo"
 SUFFIX = ".xml"
-HOLDS = frozenset({"friction", "delay", "lag"})
+HOLDS = frozenset({"friction", "delay", "lag", CORRECTION})
 
 LONGEST_STEP_S = 1e-3
 STEPS_PER_TIME_CONSTANT = 400
@@ -106,12 +107,41 @@ def write(model: RobotModel, path: Path, options: ExportOptions = DEFAULTS) -> t
             *left_out(model, HOLDS),
         ),
     )
-    return (path,)
+    return (path,) if model.correction is None else (path, write_callback(model, path, options))
+
+
+def write_callback(model: RobotModel, path: Path, options: ExportOptions) -> Path:
+    """Write the learned correction as a Python file beside the MJCF, to be called before every step."""
+    from . import standalone_correction
+
+    assert standalone_correction.__file__ is not None
+    assert model.correction is not None
+    made = joints(model, options)
+    beside = path.with_name(f"{path.stem}_correction.py")
+    values = {
+        "TABLE: dict[str, Any]": model.correction.to_dict(),
+        "JOINTS": tuple(joint.name for joint in made),
+        "RADIUS_M": options.radius(model),
+        "TORQUE_NM": tuple(joint.torque_nm for joint in made),
+        "FRICTION_NM": tuple(joint.friction_nm for joint in made),
+        "WHEELBASE_M": model.robot.wheelbase_m or options.wheelbase_m or 0.0,
+    }
+    lines = []
+    for line in Path(standalone_correction.__file__).read_text(encoding="utf-8").split("\n"):
+        name = line.split(" = ")[0]
+        lines.append(f"{name} = {values[name]!r}" if name in values else line)
+    replace_file(beside, "\n".join(lines).replace("NAME", path.stem).encode("utf-8"))
+    return beside
 
 
 def remarks(model: RobotModel, options: ExportOptions) -> tuple[str, ...]:
-    """The free choice of inertia, and what a delay asks of MuJoCo."""
+    """The free choice of inertia, and what a delay or a correction asks of MuJoCo."""
     said = joint_remarks(model, options)
+    if model.correction is not None:
+        said += (
+            "MJCF holds no lookup: the learned correction acts where the Python file beside this one is "
+            "called before every step (it says how)",
+        )
     if any(wheel.delay_s > 0.5 * timestep(model) for _, wheel in wheels(model)):
         said += (
             "delay and nsample of the motors need MuJoCo 3.5 or later; an older one wants them removed",

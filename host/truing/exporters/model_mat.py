@@ -9,12 +9,12 @@ from truing.model.robot_model import RobotModel
 from truing.model.wheel import PHYSICS_FIELDS
 
 from .mat_file import write_mat
-from .terms import DEFAULTS, EVERYTHING, ExportOptions, headline, wheels
+from .terms import CORRECTION, DEFAULTS, EVERYTHING, ExportOptions, headline, wheels
 
 KIND = "mat"
 TITLE = "every parameter as a MATLAB structure: model.left.gain_mps, ..."
 SUFFIX = ".mat"
-HOLDS = EVERYTHING
+HOLDS = EVERYTHING - {CORRECTION}
 
 
 def write(model: RobotModel, path: Path, options: ExportOptions = DEFAULTS) -> tuple[Path, ...]:  # noqa: ARG001

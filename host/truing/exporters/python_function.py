@@ -7,12 +7,12 @@ from pathlib import Path
 from truing.model.robot_model import RobotModel
 from truing.recording.writer import replace_file
 
-from .terms import DEFAULTS, EVERYTHING, ExportOptions, headline, left_out, wheels, without
+from .terms import CORRECTION, DEFAULTS, EVERYTHING, ExportOptions, headline, left_out, wheels, without
 
 KIND = "python"
 TITLE = "one file with simulate(times, efforts), needs no package"
 SUFFIX = ".py"
-HOLDS = EVERYTHING - {"supply"}
+HOLDS = EVERYTHING - {"supply", CORRECTION}
 
 FUNCTION = '''
 

@@ -31,7 +31,9 @@ TERMS: dict[str, dict[str, str]] = {
     },
     "supply": {"supply_share": "of the supply's change"},
 }
-EVERYTHING = frozenset(TERMS)
+# What `HOLDS` says where a format carries learned lookups (`RobotModel.correction`).
+CORRECTION = "correction"
+EVERYTHING = frozenset((*TERMS, CORRECTION))
 # The fields whose default alone says that a term is absent.
 _MARKS = {"breakaway": ("breakaway_excess",)}
 
@@ -112,7 +114,9 @@ def without(model: RobotModel, holds: frozenset[str]) -> RobotModel:
             dropped.add("stribeck_shape")
         return WheelPhysics(**{name: value for name, value in table.items() if name not in dropped})
 
-    return RobotModel(reduced(model.left), reduced(model.right), model.robot, model.rate_hz, model.source)
+    correction = model.correction if CORRECTION in holds else None
+    left, right = reduced(model.left), reduced(model.right)
+    return RobotModel(left, right, model.robot, model.rate_hz, model.source, correction)
 
 
 def left_out(model: RobotModel, holds: frozenset[str]) -> tuple[str, ...]:
@@ -128,6 +132,9 @@ def left_out(model: RobotModel, holds: frozenset[str]) -> tuple[str, ...]:
             if getattr(plain, name) != left or getattr(plain, name) != right:
                 values.append(f"{name} {left:.4g} left, {right:.4g} right ({unit})")
         sentences.append(f"{term} is left out, this format has no place for it: {'; '.join(values)}")
+    if model.correction is not None and CORRECTION not in holds:
+        what = ", ".join(term.variable.replace("_", " ") for term in model.correction.terms)
+        sentences.append(f"the learned correction ({what}) is left out, this format has no place for it")
     return tuple(sentences)
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from truing.errors import BaselineError, TruingError
+from truing.model.correction import Correction
 from truing.model.wheel import WheelPhysics
 from truing.recording.baseline import RobotGeometry
 from truing.recording.run import Wheel
@@ -35,6 +36,7 @@ class RobotModel:
     robot : geometry; its fields are None where nobody said.
     rate_hz : sampling rate of the recordings that the model was fitted to, Hz.
     source : where the model comes from, in words (recording set, structure, free-run error).
+    correction : learned lookups beside the wheels, or None.
     """
 
     left: WheelPhysics
@@ -42,6 +44,7 @@ class RobotModel:
     robot: RobotGeometry = field(default_factory=RobotGeometry)
     rate_hz: float | None = None
     source: dict[str, str] = field(default_factory=dict)
+    correction: Correction | None = None
 
     def wheel(self, side: Wheel) -> WheelPhysics:
         """One wheel's physics."""
@@ -74,6 +77,11 @@ class RobotModel:
         tables.append(("model.right", self.right.to_table()))
         if self.source:
             tables.append(("source", dict(self.source)))
+        if self.correction is not None:
+            whole = self.correction.to_dict()
+            terms = whole.pop("terms")
+            tables.append(("correction", whole))
+            tables += [("[correction.terms]", term) for term in terms]
         return "\n".join(_table(name, table) for name, table in tables)
 
     def effects(self) -> dict[str, dict[str, float]]:
@@ -158,7 +166,17 @@ def parse_robot_model(text: str, path: str | Path = "model.toml") -> RobotModel:
         ),
         _positive(path, log, "rate_hz"),
         {str(key): str(value) for key, value in source.items()},
+        _correction(path, tree.get("correction")),
     )
+
+
+def _correction(path: str | Path, table: Any) -> Correction | None:
+    if table is None:
+        return None
+    try:
+        return Correction.from_dict(table)
+    except (KeyError, TypeError, ValueError) as error:
+        raise BaselineError(path, f"[correction] cannot be read: {error}") from None
 
 
 def read_robot_model(path: str | Path) -> RobotModel:
@@ -197,4 +215,6 @@ def _literal(value: Any) -> str:
         return f'"{clean}"'
     if isinstance(value, int):
         return str(value)
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_literal, value))}]"
     return repr(float(value))

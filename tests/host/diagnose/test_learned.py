@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -17,10 +18,12 @@ from truing.diagnose.engine import initial_fit
 from truing.diagnose.learned.describe import resemblances, sentence
 from truing.diagnose.learned.learner import learned_correction
 from truing.diagnose.learned.result import LearnedCorrection
+from truing.diagnose.learned.skeleton import write_skeleton
 from truing.diagnose.present.page import render_report
 from truing.diagnose.present.text import learned_lines
 from truing.diagnose.result import Diagnosis
 from truing.diagnose.simulation.simulator import SetSimulator
+from truing.errors import IdentifyError
 from truing.model.correction import Correction, Rows, Term, corrected_speeds, limited
 
 NOISE_MPS = 0.004
@@ -33,7 +36,7 @@ def learned_from(hidden: dict[str, dict[str, float]]) -> LearnedCorrection:
     efforts = tuple(np.repeat(rng.uniform(-1.0, 1.0, (12, 2)), 20, axis=0) for _ in range(6))
     data = noisy_robot(efforts, hidden, NOISE_MPS, 5)
     stage = initial_fit(data, SetSimulator(data, data.baseline))
-    return learned_correction(stage.problem, stage.base)
+    return learned_correction(stage.problem, (stage.base,))
 
 
 @pytest.fixture(scope="module")
@@ -70,6 +73,7 @@ def test_text_page_and_verdict_hold_the_learned_shape(drag: LearnedCorrection) -
     jsonschema.validate(diagnosis.to_json(), json.loads(SCHEMA.read_text(encoding="utf-8")))
     table = diagnosis.to_json()["left_over"]["learned"]
     assert Correction.from_dict(table) == drag.correction
+    assert table["beside_effects"] == []
 
 
 def test_any_lookups_give_a_bounded_free_run() -> None:
@@ -134,3 +138,28 @@ def test_shapes_are_said_in_the_fields_words(term: Term, said: str, known: str) 
     assert said in sentence(term)
     if known:
         assert resemblances(term)[0].physics == known
+
+
+def test_a_learned_shape_becomes_a_file_of_the_catalogue(drag: LearnedCorrection, tmp_path: Path) -> None:
+    path = tmp_path / "some_drag.py"
+    write_skeleton(drag, path)
+    spec = importlib.util.spec_from_file_location("some_drag", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    term = drag.terms[0].term
+    assert module.EFFECT.name == "some_drag"
+    for speed, values in ((0.9 * term.grid[-1], term.values()), (0.5 * term.grid[-1], term.values())):
+        wanted = np.mean(
+            [np.interp(speed, term.grid[len(term.grid) // 2 :], v[len(v) // 2 :]) for v in values]
+        )
+        assert module.friction(1.0, speed, 1.0) == pytest.approx(wanted, abs=1e-4)
+        assert module.friction(0.0, speed, 1.0) == 0.0
+
+
+def test_without_a_learned_term_there_is_no_file(tmp_path: Path) -> None:
+    nothing = LearnedCorrection(None, (), 0.01, 0.01, 0.01, 0.01)
+    with pytest.raises(IdentifyError, match="no learned term"):
+        write_skeleton(nothing, tmp_path / "nothing.py")
+    assert not (tmp_path / "nothing.py").exists()

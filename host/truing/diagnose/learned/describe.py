@@ -191,7 +191,9 @@ def resemblances(term: Term) -> tuple[Resemblance, ...]:
     grid = np.array(term.grid)
     found = []
     for name, (shape, physics) in _shapes(term).items():
-        share = _share(term, shape(grid), name == "constant")
+        share = _share(
+            term, shape(grid), name == "constant", _linear(term) if name != "proportional" else None
+        )
         if share >= MIN_ALIKE:
             found.append(Resemblance(name, physics, share))
     step = _best_step(term, grid) if term.variable not in PERIODIC else 0.0
@@ -200,8 +202,21 @@ def resemblances(term: Term) -> tuple[Resemblance, ...]:
     return tuple(sorted(found, key=lambda one: -one.share)[:MAX_ALIKE])
 
 
-def _share(term: Term, shape: FloatArray, alone: bool) -> float:
-    """Share of the values' weighted energy that a shape explains, beside a constant unless `alone`."""
+def _linear(term: Term) -> FloatArray | None:
+    """The straight line that gain and damping share with a term of effort or speed, or None."""
+    if term.variable not in ("effort", "speed", "net_effort"):
+        return None
+    grid = np.array(term.grid)
+    return np.abs(grid) if term.place == "friction" else grid
+
+
+def _share(term: Term, shape: FloatArray, alone: bool, line: FloatArray | None = None) -> float:
+    """Share of the values' weighted energy that a shape explains, beside a constant unless `alone`.
+
+    What a straight line explains by itself counts neither for the shape nor against it.
+    """
+    if line is not None and not alone:
+        return _share_beside(term, shape, line)
     parts = [shape.real] + ([shape.imag] if np.iscomplexobj(shape) else [])
     columns = np.stack(parts if alone else [np.ones(len(shape)), *parts], axis=1).astype(np.float64)
     left, total = 0.0, 0.0
@@ -212,6 +227,20 @@ def _share(term: Term, shape: FloatArray, alone: bool) -> float:
         found = np.linalg.lstsq(columns * weight[:, None], values * weight, rcond=None)[0]
         left += float(np.sum((weight * (values - columns @ found)) ** 2))
         total += float(np.sum((weight * (values - mean)) ** 2))
+    return 1.0 - left / total if total > 0.0 else 0.0
+
+
+def _share_beside(term: Term, shape: FloatArray, line: FloatArray) -> float:
+    """Share of what a constant and a straight line leave that a shape explains."""
+    plain = np.stack([np.ones(len(line)), line], axis=1)
+    whole = np.hstack((plain, shape.real[:, None]))
+    left, total = 0.0, 0.0
+    for _, values in _sides(term):
+        rest, after = (
+            values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0] for columns in (plain, whole)
+        )
+        left += float(after @ after)
+        total += float(rest @ rest)
     return 1.0 - left / total if total > 0.0 else 0.0
 
 

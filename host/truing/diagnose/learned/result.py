@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
+from truing.arrays import FloatArray
 from truing.model.correction import Correction, Term
 
 
@@ -48,6 +49,8 @@ class LearnedCorrection:
     correction : None where what is left is noise, as far as the variables show.
     heldout_before, heldout_after : m/s, on runs used neither for the physical fit nor for terms and values.
     error_before, error_after : m/s, on all runs.
+    effects, theta : the physical model beside which it stands: named effects that stay on, and the whole
+        vector of the simulator (p,); the latter is kept out of the JSON.
     """
 
     correction: Correction | None
@@ -56,6 +59,8 @@ class LearnedCorrection:
     heldout_after: float
     error_before: float
     error_after: float
+    effects: tuple[str, ...] = ()
+    theta: FloatArray | None = field(default=None, repr=False, compare=False)
 
     def to_json(self) -> dict[str, Any] | None:
         """As docs/verdict.schema.json has it; None where nothing was learned."""
@@ -69,6 +74,7 @@ class LearnedCorrection:
             "rmse_before": float(self.error_before),
             "rmse_after": float(self.error_after),
             "unit": "m/s",
+            "beside_effects": list(self.effects),
             **{key: whole[key] for key in ("gain_mps", "time_constant_s", "effort_share", "drag")},
             "terms": [one.to_json() for one in self.terms],
         }

@@ -26,7 +26,9 @@ MAX_TERMS = 4
 # is so many standard errors from zero (or every group gains).
 MIN_GAIN, MIN_ERRORS = 0.02, 1.6
 # A candidate that stands earlier in the list, the simpler one, is taken if it brings this share of the best.
-SIMPLER = 0.95
+SIMPLER = 0.92
+# Penalty on the linear parts, which are not clipped: beyond what was seen they go on growing.
+LINEAR_PENALTY = 0.03
 # Candidates that are tried under every penalty.
 PROMISING = 6
 # Multiples of a constant that are tried once its term is chosen.
@@ -110,7 +112,7 @@ def penalty_matrix(sums: Sums, terms: Sequence[int], weight: float, gram: FloatA
         level = float(np.mean(np.diag(gram)[part]))
         out[part, part] = weight * level * difference_penalty(sums.candidates[k])
         at += size
-    out[np.arange(LINEAR), np.arange(LINEAR)] = 1e-4 * np.diag(gram)[:LINEAR] + 1e-12
+    out[np.arange(LINEAR), np.arange(LINEAR)] = LINEAR_PENALTY * np.diag(gram)[:LINEAR] + 1e-12
     return out + 1e-12 * np.eye(width)
 
 

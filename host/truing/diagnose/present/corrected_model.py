@@ -43,7 +43,13 @@ def corrected_model(diagnosis: Diagnosis, baseline: Baseline) -> CorrectedModel:
     """Put the refitted numbers and the named effects (of the likeliest explanation) into the baseline."""
     notes = []
     chosen = chosen_effects(diagnosis)
-    if diagnosis.verdict == "ambiguous":
+    learned = diagnosis.learned
+    alone = learned is not None and learned.correction is not None and not learned.effects
+    if alone and chosen:
+        here = joined([effect_title(effect.name) for effect in chosen])
+        notes.append(f"the learned correction stands in the place of {here}")
+        chosen = ()
+    elif diagnosis.verdict == "ambiguous":
         others = [" with ".join(map(effect_title, names)) for names in alternatives(diagnosis)[1:]]
         here = joined([effect_title(effect.name) for effect in chosen])
         notes.append(f"{here} is taken, the likeliest; {joined(others, 'or')} explains as much")
@@ -56,7 +62,7 @@ def corrected_model(diagnosis: Diagnosis, baseline: Baseline) -> CorrectedModel:
     for effect in chosen:
         exact = diagnosis.exact.get(effect.name, {})
         effects[effect.name] = effect_table(effect.name, effect.parameters, exact, baseline)
-    left, right = (_wheel(diagnosis, baseline, side) for side in ("left", "right"))
+    left, right = (_wheel(diagnosis, baseline, side, alone=alone) for side in ("left", "right"))
     robot = baseline.robot
     if "wheelbase_error" in effects and robot is not None and robot.wheelbase_m is not None:
         factor = float(effects.pop("wheelbase_error")["factor"])
@@ -72,7 +78,8 @@ def corrected_model(diagnosis: Diagnosis, baseline: Baseline) -> CorrectedModel:
     source = {"diagnosis": f"{diagnosis.name}, {diagnosis.verdict.replace('_', ' ')}"}
     if named:
         source["added"] = joined(named)
-    model = replace(model, robot=corrected.robot or RobotGeometry(), source=source)
+    correction = None if learned is None else learned.correction
+    model = replace(model, robot=corrected.robot or RobotGeometry(), source=source, correction=correction)
     return CorrectedModel(corrected, model, (*notes, *unused))
 
 
@@ -86,11 +93,15 @@ def chosen_effects(diagnosis: Diagnosis) -> tuple[NamedEffect, ...]:
     return tuple(effect for effect in diagnosis.effects if effect.name in first)
 
 
-def _wheel(diagnosis: Diagnosis, baseline: Baseline, side: str) -> WheelModel:
+def _wheel(diagnosis: Diagnosis, baseline: Baseline, side: str, *, alone: bool) -> WheelModel:
     given = baseline.left if side == "left" else baseline.right
     if diagnosis.verdict == "consistent":
         return given
-    values = {entry.name: entry.with_effects.value for entry in diagnosis.numbers if entry.wheel == side}
+    values = {
+        entry.name: entry.refitted if alone else entry.with_effects.value
+        for entry in diagnosis.numbers
+        if entry.wheel == side
+    }
     return WheelModel(
         values.get("gain_mps", given.gain_mps), values.get("time_constant_s", given.time_constant_s)
     )

@@ -11,8 +11,8 @@ from truing.diagnose.present.corrected_model import CorrectedModel, corrected_mo
 from truing.diagnose.present.export_check import FAILED, check_baseline, check_format
 from truing.diagnose.result import Diagnosis
 from truing.errors import TruingError
-from truing.exporters import ExportOptions, exporters, write_model
-from truing.exporters.terms import DEFAULTS
+from truing.exporters import ExportOptions, exporter, exporters, write_model
+from truing.exporters.terms import CORRECTION, DEFAULTS
 from truing.recording.run import RecordingSet, Wheel
 from truing.recording.writer import replace_file
 from truing_protocol import PARAMETERS
@@ -83,7 +83,10 @@ def write_export(
         replace_file(path, text.encode("utf-8"))
         return (path,), [f"written: {path}", *checked]
     files, said = write_model(export.kind, corrected.model, path, options)
-    return files, [*said, *check_format(export.kind, corrected, diagnosis)]
+    checked = check_format(export.kind, corrected, diagnosis)
+    if corrected.model.correction is not None and CORRECTION in exporter(export.kind).HOLDS:
+        checked = [f"{line}, both without the learned correction" for line in checked]
+    return files, [*said, *checked]
 
 
 def _write_parameters(path: Path, recordings: RecordingSet, diagnosis: Diagnosis) -> list[str]:

@@ -202,6 +202,13 @@ def learned_lines(diagnosis: Diagnosis) -> list[str]:
             "place, time and short memory show."
         ]
     lines = []
+    named = [one.name for one in diagnosis.effects if one.explanation == 0]
+    if named and not learned.effects:
+        titles = joined([effect_title(name) for name in named])
+        lines.append(
+            f"Instead of {titles}, which may only imitate it: beside gain and time constant alone the "
+            "correction lowers the error further."
+        )
     for one in learned.terms:
         lines.append(one.sentence)
         known = [f"{each.physics or each.shape} ({100.0 * each.share:.0f} %)" for each in one.resembles]

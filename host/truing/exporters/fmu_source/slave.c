@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "correction.h"
 #include "fmi2.h"
 #include "model_numbers.h"
 #include "wheel.h"
@@ -25,6 +26,8 @@ enum { WHEELS = 2 };
 
 struct state {
     struct wheel wheel[WHEELS];
+    struct correction correction;
+    double speed_mps[WHEELS], travel_m[WHEELS]; /* with the correction */
     double wheelbase_m;
     double time_s;
     double x_m, y_m, theta_rad;
@@ -66,10 +69,10 @@ static double *variable(struct state *state, fmi2ValueReference reference)
         return &state->wheel[reference - REF_EFFORT].input;
     case REF_SPEED:
     case REF_SPEED + 1:
-        return &state->wheel[reference - REF_SPEED].speed_mps;
+        return &state->speed_mps[reference - REF_SPEED];
     case REF_TRAVEL:
     case REF_TRAVEL + 1:
-        return &state->wheel[reference - REF_TRAVEL].travel_m;
+        return &state->travel_m[reference - REF_TRAVEL];
     case REF_X:
         return &state->x_m;
     case REF_Y:
@@ -185,6 +188,34 @@ fmi2Status fmi2ExitInitializationMode(fmi2Component c)
     return fmi2OK;
 }
 
+/* Both wheels, and the correction beside them; false: too many changes of effort. */
+static bool advance(struct state *state, double time, double step)
+{
+    const double longest_s = correction_longest_step_s();
+    const int count = correction_terms() > 0 && step > longest_s ? (int)ceil(step / longest_s) : 1;
+    const double h = step / count;
+    for (int n = 0; n < count; n++) {
+        double effort[WHEELS], speed_mps[WHEELS];
+        for (int side = 0; side < WHEELS; side++) {
+            if (!wheel_step(&state->wheel[side], time + n * h, h)) {
+                return false;
+            }
+            effort[side] = state->wheel[side].input;
+            speed_mps[side] = state->wheel[side].speed_mps;
+        }
+        if (correction_terms() > 0 && h > 0.0) {
+            correction_step(&state->correction, h, effort, speed_mps, state->wheelbase_m);
+        }
+    }
+    for (int side = 0; side < WHEELS; side++) {
+        const struct wheel *wheel = &state->wheel[side];
+        const bool corrected = correction_terms() > 0;
+        state->speed_mps[side] = corrected ? state->correction.shown_mps[side] : wheel->speed_mps;
+        state->travel_m[side] = corrected ? state->correction.travel_m[side] : wheel->travel_m;
+    }
+    return true;
+}
+
 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean no_return)
 {
     struct instance *slave = c;
@@ -194,12 +225,12 @@ fmi2Status fmi2DoStep(fmi2Component c, fmi2Real time, fmi2Real step, fmi2Boolean
         return fail(slave, "a step before initialisation has ended, or of no valid length");
     }
     double moved[WHEELS];
+    const double before[WHEELS] = {state->travel_m[0], state->travel_m[1]};
+    if (!advance(state, time, step)) {
+        return fail(slave, "the effort changed more often within its delay than can be remembered");
+    }
     for (int side = 0; side < WHEELS; side++) {
-        const double before = state->wheel[side].travel_m;
-        if (!wheel_step(&state->wheel[side], time, step)) {
-            return fail(slave, "the effort changed more often within its delay than can be remembered");
-        }
-        moved[side] = state->wheel[side].travel_m - before;
+        moved[side] = state->travel_m[side] - before[side];
     }
     if (state->wheelbase_m > 0.0) {
         /* Midpoint (second-order Runge-Kutta) odometry. */

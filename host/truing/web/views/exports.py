@@ -10,6 +10,7 @@ KINDS: dict[str, str] = {
     "fmu": "FMU: FMI 2.0 co-simulation, Linux on x86-64",
     "wpilib": "gains kS, kV, kA: WPILib",
     "ros2-control": "ros2_control: diff_drive_controller",
+    "c": "C: one file that simulates",
     "c-header": "C: a header with the board's parameters",
     "python": "Python: one file, no packages",
     "simulink": "Simulink: state space and script",
