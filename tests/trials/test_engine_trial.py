@@ -20,7 +20,7 @@ from truing.trial.concealed import run_concealed
 from truing.trial.engines import load_engine
 from truing.trial.engines.asked import EngineAsked
 from truing.trial.engines.builder import prepare
-from truing.trial.engines.campaign import run_engine_campaign
+from truing.trial.engines.campaign import OTHER_PROOF, other_proof, run_engine_campaign
 from truing.trial.engines.driving import Mode, PlanDriver, draw_plans
 from truing.trial.engines.mujoco_effects import EFFECTS as MUJOCO_EFFECTS
 from truing.trial.engines.mujoco_robot import MujocoRobot
@@ -172,6 +172,8 @@ def test_the_page_has_every_figure_with_its_bounds_and_every_trial(tmp_path: Pat
     assert f"--campaign 20 --seed 1 --table {table}" in page
     written = json.loads((tmp_path / "results.json").read_text())["trials"]
     assert [Score.from_json(each) for each in written] == scores
+    table.write_text(f"{page}\n{OTHER_PROOF}\n\n# Learned\n")
+    assert other_proof(table) == f"\n{OTHER_PROOF}\n\n# Learned\n", "what other commands proved stays"
 
 
 def test_bounds_are_wilsons() -> None:

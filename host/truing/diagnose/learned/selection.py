@@ -29,6 +29,8 @@ MIN_GAIN, MIN_ERRORS = 0.02, 1.6
 SIMPLER = 0.92
 # Penalty on the linear parts, which are not clipped: beyond what was seen they go on growing.
 LINEAR_PENALTY = 0.03
+# Share of the mean that is added to each group's error: groups without an error do not decide either.
+EVEN = 0.1
 # Candidates that are tried under every penalty.
 PROMISING = 6
 # Multiples of a constant that are tried once its term is chosen.
@@ -47,15 +49,16 @@ class Chosen:
 def select(sums: Sums, groups: Sequence[int], most: int = MAX_TERMS) -> Chosen:
     """Keep terms as long as one brings something, judged by leaving out each of these groups in turn."""
     chosen = Chosen((), PENALTIES[1])
+    weights = group_weights(sums, groups)
     # What the linear parts alone bring is no term's merit.
     before = min(
-        (_left_out(sums, (), PENALTIES[1], groups, linear=linear) for linear in (False, True)),
+        (weights * _left_out(sums, (), PENALTIES[1], groups, linear=linear) for linear in (False, True)),
         key=lambda errors: float(errors.sum()),
     )
     for _ in range(most):
         tried = []
-        for k in _promising(sums, chosen.terms, groups):
-            options = [(_left_out(sums, (*chosen.terms, k), p, groups), p) for p in PENALTIES]
+        for k in _promising(sums, chosen.terms, groups, weights):
+            options = [(weights * _left_out(sums, (*chosen.terms, k), p, groups), p) for p in PENALTIES]
             errors, penalty = min(options, key=lambda pair: float(pair[0].sum()))
             tried.append((float(errors.sum()), k, penalty, errors))
         if not tried:
@@ -72,10 +75,20 @@ def select(sums: Sums, groups: Sequence[int], most: int = MAX_TERMS) -> Chosen:
     return chosen
 
 
-def _promising(sums: Sums, terms: tuple[int, ...], groups: Sequence[int]) -> list[int]:
+def group_weights(sums: Sums, groups: Sequence[int]) -> FloatArray:
+    """Weights of the groups' squared errors, shape (groups,): about one over what the physics leaves in each.
+
+    One run of large errors, the only one at full effort say, is predicted badly from the others whatever is
+    missing. Unweighted it would decide alone, and against every term that all others show.
+    """
+    square = sums.square[list(groups)].sum(axis=1)
+    return np.asarray(1.0 / np.maximum(square + EVEN * float(square.mean()), 1e-300))
+
+
+def _promising(sums: Sums, terms: tuple[int, ...], groups: Sequence[int], weights: FloatArray) -> list[int]:
     """The candidates that do best under one penalty, in their order."""
     left = [k for k in range(len(sums.candidates)) if not _is_alike(sums, k, terms)]
-    errors = {k: float(_left_out(sums, (*terms, k), PENALTIES[1], groups).sum()) for k in left}
+    errors = {k: float(weights @ _left_out(sums, (*terms, k), PENALTIES[1], groups)) for k in left}
     return sorted(sorted(left, key=lambda k: errors[k])[:PROMISING])
 
 

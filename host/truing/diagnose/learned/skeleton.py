@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from truing.errors import IdentifyError
 from truing.model.correction import Term
 from truing.recording.writer import replace_file
 
+LINE_WIDTH = 108
 # Place and variable: stage, what the hook asks for, the variable in it, and what it returns.
 _HOOKS: dict[tuple[str, str], tuple[str, str, str, str]] = {
     ("force", "effort"): ("drive", "effort: float", "effort", "effort + size * value"),
@@ -53,10 +55,12 @@ def skeleton(learned: LearnedTerm, name: str) -> str:
     term = learned.term
     stage, context, variable, result = _HOOKS[(term.place, term.variable)]
     title = name.replace("_", " ")
+    known = "; ".join(f"{one.physics or one.shape} ({100.0 * one.share:.0f} %)" for one in learned.resembles)
+    step_share = "0.05" if (term.place, term.variable) == ("friction", "speed") else "math.inf"
     return _TEXT.format(
         title=title,
         name=name,
-        sentence=learned.sentence,
+        sentence=_wrapped(f"Written from a learned term: {learned.sentence}"),
         depends_on=learned.depends_on,
         stage=stage,
         context=context,
@@ -65,12 +69,14 @@ def skeleton(learned: LearnedTerm, name: str) -> str:
         grid=_row(_grid(term)),
         values=_row(term.values().mean(axis=0).tolist()),
         middle=repr(0.5 * term.grid[-1]),
-        step_share="0.05" if term.variable == "speed" and term.place == "friction" else "math.inf",
-        resembles="; ".join(
-            f"{one.physics or one.shape} ({100.0 * one.share:.0f} %)" for one in learned.resembles
-        )
-        or "no known shape",
+        step_share=step_share,
+        resembles=_wrapped(f"Its shape resembles: {known or 'no known shape'}."),
+        needs_math="" if step_share != "math.inf" else "import math\n\n",
     )
+
+
+def _wrapped(text: str) -> str:
+    return textwrap.fill(text, LINE_WIDTH)
 
 
 def _grid(term: Term) -> list[float]:
@@ -84,13 +90,15 @@ def _grid(term: Term) -> list[float]:
 
 
 def _row(values: list[float]) -> str:
-    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"
+    # All of one type: a tuple of mixed numbers cannot be indexed in compiled code.
+    texts = [repr(float(f"{value:.6g}")) for value in values]
+    return "(\n" + "".join(f"    {text},\n" for text in texts) + ")"
 
 
 _TEXT = '''"""{title}: say what it is, its equation with the source, and what it looks like in data.
 
-Written from a learned term: {sentence}
-Its shape resembles: {resembles}.
+{sentence}
+{resembles}
 
 The shape stands below as it was learned; `size` 1 is the robot it was learned from. Put the equation that you
 recognise in its place, with parameters of its own.
@@ -98,9 +106,7 @@ recognise in its place, with parameters of its own.
 
 from __future__ import annotations
 
-import math
-
-from truing.diagnose.effect import Effect, Parameter
+{needs_math}from truing.diagnose.effect import Effect, Parameter
 
 GRID = {grid}
 VALUES = {values}

@@ -239,8 +239,6 @@ def candidates(data: SetData, speeds: FloatArray, gain: FloatArray) -> Iterator[
         even("friction", "place_x", points=TIME_POINTS),
         even("friction", "place_y", points=TIME_POINTS),
     ]
-    if data.runs > 1:
-        wanted.append(even("friction", "set_time"))
     if data.heading_rad is not None and data.heading_source in ("truth", "gyro", "odometry", "wheels"):
         wanted.append(repeating("force", "heading", 2.0 * math.pi))
     yield from (one for one in wanted if one is not None)

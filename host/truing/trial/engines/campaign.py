@@ -17,6 +17,9 @@ from truing.trial.engines.proof import to_json, to_markdown
 from truing.trial.engines.scoring import score
 from truing.trial.score import Score
 
+# Below this line a page holds what other commands proved.
+OTHER_PROOF = "<!-- Below: other proof, which this command leaves as it stands. -->"
+
 
 def run_engine_campaign(
     engine_name: str,
@@ -44,8 +47,17 @@ def run_engine_campaign(
     wanted = engine_tasks(engine, trials, seed)
     scores = run_tasks(wanted, folder, progress, note, run or run_one, jobs=jobs, minutes=minutes)
     page = to_markdown(engine, scores, trials=trials, seed=seed, table=str(table or "PROOF.md"))
+    if table is not None:
+        page += other_proof(table)
     write_results(folder, json.dumps(to_json(scores), indent=1), page, table)
     return scores
+
+
+def other_proof(table: Path) -> str:
+    """The sections of a page that other commands write below this one's; they stay."""
+    text = table.read_text(encoding="utf-8") if table.exists() else ""
+    _, found, below = text.partition(f"\n{OTHER_PROOF}\n")
+    return f"\n{OTHER_PROOF}\n{below}" if found else ""
 
 
 def run_one(each: EngineTask, folder: Path) -> Score:
