@@ -167,7 +167,9 @@ def analyse(
     if learn and not data.commanded:
         progress(0.92)
         named = reasoning.best.effects if diagnosis.verdict in NAMING else ()
-        beside = (reasoning.best, reasoning.base) if named else (reasoning.base,)
+        beside: tuple[Fit, ...] = (reasoning.best,) if named else (reasoning.base,)
+        if diagnosis.verdict in ("partly_explained", "ambiguous"):
+            beside = (reasoning.best, reasoning.base)
         diagnosis = replace(diagnosis, learned=learned_correction(reasoning.fitted_under, beside))
     progress(1.0)
     return replace(diagnosis, seconds=time.monotonic() - began)

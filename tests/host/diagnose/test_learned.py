@@ -61,7 +61,10 @@ def test_the_robot_without_anything_hidden_teaches_nothing() -> None:
     found = learned_from({})
     assert found.correction is None
     assert found.to_json() is None
-    assert "is noise" in learned_lines(diagnosis_with(found))[0]
+    diagnosis = diagnosis_with(found)
+    assert "what is left is noise" in learned_lines(diagnosis)[0]
+    quiet = replace(diagnosis, fit=replace(diagnosis.fit, noise_floor=0.2 * found.heldout_before))
+    assert "what is left is no noise" in learned_lines(quiet)[0]
 
 
 def test_text_page_and_verdict_hold_the_learned_shape(drag: LearnedCorrection) -> None:

@@ -27,6 +27,8 @@ from truing.model.correction import Correction, corrected_speeds
 STEPS, FOLD_STEPS, STATE_STEPS = 6, 3, 2
 # A correction is shown if it lowers the error on runs left out by this share at least.
 MIN_BENEFIT = 0.02
+# A correction stands in the place of named effects if it leaves at most this share of the error beside them.
+MUCH_BETTER = 0.95
 
 
 @dataclass(frozen=True)
@@ -162,8 +164,9 @@ def learned_correction(problem: Problem, models: Sequence[Fit]) -> LearnedCorrec
     baseline alone a correction may then lower the error on runs left out further than beside that effect.
     """
     found = [_said(problem, one) for one in models]
-    best = min(found, key=lambda one: one.heldout_after)
-    first = found[0]
+    first, best = found[0], min(found, key=lambda one: one.heldout_after)
+    if best.heldout_after > MUCH_BETTER * first.heldout_after:
+        return first
     # The first model's own error is what the correction is held against.
     return replace(best, heldout_before=first.heldout_before, error_before=first.error_before)
 

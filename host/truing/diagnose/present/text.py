@@ -27,6 +27,8 @@ LINE_WIDTH, MAX_PLACES = 100, 4
 MAX_CANDIDATES = 3
 # A refitted error beyond this many times the noise floor is pointed out where no effect is named.
 HIGH_REMAINING_ERROR = 1.5
+# Errors on runs left out beyond this many times the noise floor are not called noise.
+MANY_FLOORS = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,12 +197,19 @@ def learned_lines(diagnosis: Diagnosis) -> list[str]:
     learned = diagnosis.learned
     if learned is None:
         return []
-    before, after = two_amounts(learned.heldout_before, learned.heldout_after, "m/s")
     if learned.correction is None:
-        return [
-            f"Nothing: what the model leaves ({before} on runs left out) is noise, as far as effort, speed, "
-            "place, time and short memory show."
-        ]
+        nothing = (
+            f"Nothing: no shape of effort, speed, place, time or short memory lowers the error on runs left "
+            f"out ({amount(learned.heldout_before, 'm/s')})"
+        )
+        floor = diagnosis.fit.noise_floor
+        if learned.heldout_before > MANY_FLOORS * floor:
+            floor_text = amount(floor, "m/s")
+            return [
+                f"{nothing}. The noise floor is {floor_text}: what is left is no noise, but not repeatable."
+            ]
+        return [f"{nothing}: what is left is noise, as far as these show."]
+    before, after = two_amounts(learned.heldout_before, learned.heldout_after, "m/s")
     lines = []
     named = [one.name for one in diagnosis.effects if one.explanation == 0]
     if named and not learned.effects:
