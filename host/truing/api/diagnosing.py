@@ -30,6 +30,7 @@ def diagnose(
     sim_runs: str | Path | None = None,
     accept: Sequence[str] = (),
     measured: Mapping[str, float] | None = None,
+    learn: bool = False,
     floor_m: float | None = None,
     jobs: int | None = None,
     progress: Progress = ignore_progress,
@@ -49,6 +50,7 @@ def diagnose(
     accept : effects that are taken for the model, whatever the verdict.
     measured : numbers of the robot that were measured by hand (`wheel_radius_m`, `wheelbase_m` in m,
         `counts_per_rev`); their errors are ruled out.
+    learn : learn a correction for what the model leaves (`learned` of the result); some 10 s more.
     floor_m : how far a proposed run may go, m.
     jobs : threads; the default is one for each processor.
     progress : called with the share of the work done, 0 to 1.
@@ -73,7 +75,7 @@ def diagnose(
     """
     known = parse_measured(f"{name}={value!r}" for name, value in (measured or {}).items())
     folder = None if sim_runs is None else Path(sim_runs)
-    options = Options(folder, wheels_only, jobs, floor_m, commanded, wheel, tuple(accept), known)
+    options = Options(folder, wheels_only, jobs, floor_m, commanded, wheel, tuple(accept), known, learn)
     found = with_what_to_compare(read(recordings, baseline), options, LOGGER.info)
     compile_once(LOGGER.info)
     return replace(diagnose_recordings(found, options, progress), recordings=found)
