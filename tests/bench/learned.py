@@ -226,7 +226,8 @@ def page(every: list[dict[str, Any]]) -> str:
         "| --- | --- | --- | --- | --- | --- | --- | --- | --- |",
     ]
     for one in every:
-        terms = ", ".join(f"{variable} ({place})" for place, variable, _ in one["terms"]) or "nothing"
+        terms = ", ".join(f"{variable} ({place})" for place, variable, _ in one["terms"][:2]) or "nothing"
+        terms += f", {len(one['terms']) - 2} more" if len(one["terms"]) > 2 else ""
         share = closed(one)
         sizes = " | ".join(f"{one[f'{key}_mmps']:.1f}" for key in ("before", "after", "narx", "true"))
         named = ", ".join(one["named"]) or "–"
