@@ -182,7 +182,7 @@ def bounds(hits: int, count: int) -> tuple[float, float]:
     share = hits / count
     middle = (share + 0.5 * z2 / count) / (1.0 + z2 / count)
     half = 1.96 / (1.0 + z2 / count) * np.sqrt(share * (1.0 - share) / count + 0.25 * z2 / count**2)
-    return float(middle - half), float(middle + half)
+    return max(float(middle - half), 0.0), min(float(middle + half), 1.0)
 
 
 def measure(root: Path) -> list[Figure]:

@@ -7,7 +7,6 @@ import subprocess
 from pathlib import Path
 
 import fmpy
-import mujoco
 import numpy as np
 import pytest
 from fmpy.fmi2 import FMU2Slave
@@ -108,6 +107,8 @@ def test_a_compiled_c_file_simulates_the_correction(
 def test_mujoco_simulates_the_correction_with_the_file_beside_its_own(
     tmp_path: Path, efforts: np.ndarray, expected: np.ndarray
 ) -> None:
+    import mujoco
+
     files, _ = write_model("mjcf", MODEL, tmp_path / "corrected.xml")
     spec = importlib.util.spec_from_file_location("corrected_correction", files[1])
     assert spec is not None
