@@ -98,6 +98,10 @@ class BaselineError(FileError):
     """A baseline.toml is missing, unreadable, or lacks what the task needs."""
 
 
+class CatalogueError(FileError):
+    """A fleet's folder or table does not say which sets there are, of which robot, recorded when."""
+
+
 class OutputError(FileError):
     """A result cannot be written (disk full, no permission, a folder in the way)."""
 
@@ -249,6 +253,18 @@ class UploadRefusedError(TruingError):
 
 class LibraryMissingError(TruingError):
     """What was asked for needs a library that is not installed (`extras.py`)."""
+
+
+class SchedulerLostError(TruingError):
+    """The scheduler of a cluster cannot be reached, or was lost while tasks ran."""
+
+    exit_code = 1
+
+
+class WorkerLostError(TruingError):
+    """A process that ran tasks has died, or there is none that could run them."""
+
+    exit_code = 1
 
 
 class Interrupted(TruingError):

@@ -28,6 +28,8 @@ EXTRAS = {
     "can": Extra("a CAN bus", ("can", "isotp")),
     "bags": Extra("reading MCAP files and ROS bags", ("mcap", "rosbags")),
     "plots": Extra("drawing pictures", ("matplotlib",)),
+    "fleet": Extra("a fleet of robots", ("distributed", "pyarrow", "statsmodels")),
+    "s3": Extra("reading and writing S3", ("s3fs",)),
     "foxglove": Extra("serving Foxglove and writing MCAP files", ("foxglove",)),
     "bullet": Extra("simulating a robot in Bullet", ("pybullet",)),
     "engines": Extra("simulating a robot in a physics engine", ("mujoco",)),

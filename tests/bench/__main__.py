@@ -28,7 +28,7 @@ BENCHES = (
     "public_sets",
 )
 # Measured only where they are named: each takes more than ten minutes.
-LONG = ("view_soak", "learned", "learned_real")
+LONG = ("fleet", "view_soak", "learned", "learned_real")
 
 
 def _measure(names: tuple[str, ...], console: Console) -> list[Figure]:

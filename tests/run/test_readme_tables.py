@@ -19,7 +19,16 @@ MODULE_TABLES = {
     "protocol/README.md": "protocol/generator",
 }
 # Rooms of the host package whose README names their modules, in any place.
-HOST_ROOMS = ("exporters", "identify", "importers", "model", "studies/real", "trial", "trial/engines")
+HOST_ROOMS = (
+    "exporters",
+    "fleet",
+    "identify",
+    "importers",
+    "model",
+    "studies/real",
+    "trial",
+    "trial/engines",
+)
 # Rooms without a README: host/README.md names their modules.
 PLAIN_ROOMS = ("api", "board", "clock", "flash", "link", "log", "recording", "report", "studies", "virtual")
 # README whose table names the folders beside it.

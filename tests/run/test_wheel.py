@@ -223,7 +223,7 @@ def test_every_pin_of_the_wheel_is_the_locks(wheel: Path, root: Path) -> None:
     lock = (root / "host" / "requirements.lock").read_text(encoding="utf-8")
     pins = {line.split(" ")[0] for line in lock.splitlines() if "==" in line}
     metadata = distribution("truing")
-    extras = ("all", "bags", "can", "engines", "foxglove", "plots", "sim", "view")
+    extras = ("all", "bags", "can", "engines", "fleet", "foxglove", "plots", "s3", "sim", "view")
     for package in closure(metadata.requires or (), extras):
         assert f"{package}=={distribution(package).version}" in pins
 
@@ -272,6 +272,7 @@ def test_the_commands_work_too_and_compiled_code_goes_to_the_users_cache(
         ("foxglove", ["export", "example", "--to", "mcap", "--out", "mcap"]),
         ("foxglove", ["run", "paper/XI", "--yes", "--foxglove"]),
         ("engines", ["trial", "--engine", "mujoco"]),
+        ("fleet", ["fleet", "example"]),
         ("bullet", ["trial", "--engine", "pybullet"]),
     ],
     ids=lambda value: value if isinstance(value, str) else value[0],

@@ -8,6 +8,7 @@ import pytest
 
 from support.pretended_trials import pretended
 from truing.errors import TruingError
+from truing.fleet.engine import ProcessPool
 from truing.trial.campaign import read_scores, run_campaign
 from truing.trial.figures import by_method, figures
 from truing.trial.order import Task, tasks
@@ -36,7 +37,9 @@ def run_but_some(each: Task, folder: Path) -> Score:
 
 def campaign(folder: Path, **values: object) -> tuple[list[Score], list[float]]:
     shares: list[float] = []
-    scores = run_campaign(TRIALS, 1, folder, shares.append, lambda _text: None, jobs=1, **values)  # type: ignore[arg-type]
+    scores = run_campaign(
+        TRIALS, 1, folder, shares.append, lambda _text: None, engine=ProcessPool(1), **values
+    )  # type: ignore[arg-type]
     return scores, shares
 
 

@@ -15,6 +15,7 @@ from support.pretended_trials import pretended_in_engine
 from truing.cli import main
 from truing.diagnose.catalogue import Catalogue
 from truing.errors import LibraryMissingError, TruingError, WeakEffectError
+from truing.fleet.engine import ProcessPool
 from truing.recording.reader import read_recording_set
 from truing.trial.concealed import run_concealed
 from truing.trial.engines import load_engine
@@ -163,7 +164,7 @@ def test_the_page_has_every_figure_with_its_bounds_and_every_trial(tmp_path: Pat
     table = tmp_path / "PROOF.md"
     scores = run_engine_campaign(
         "mujoco", 20, 1, tmp_path, lambda _share: None, lambda _text: None,
-        jobs=1, table=table, run=pretended_in_engine,
+        engine=ProcessPool(1), table=table, run=pretended_in_engine,
     )  # fmt: skip
     page = table.read_text()
     assert all(share.row() in page for share in shares(scores))

@@ -52,6 +52,7 @@ GROUPS: dict[str, dict[str, str]] = {
     },
     "Diagnose": {
         "diagnose": "Where a simulation is wrong, and which physics it leaves out.",
+        "fleet": "Many robots over years: who differs, what drifts and since when.",
     },
     "Prove": {
         "demo": "The whole chain once; then a concealed effect, found and modelled.",

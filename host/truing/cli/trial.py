@@ -44,6 +44,12 @@ if TYPE_CHECKING:
     help="Processes of a campaign.  [default: all cores]",
 )
 @click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Run a campaign on this Dask cluster, whose workers share the folder, tcp://HOST:8786.  [default: "
+    "an embedded one, or without the extra [fleet] a pool]",
+)
+@click.option(
     "--strength", type=click.Choice(["weak", "full"]), help="S below 1, or 1 and more.  [default: drawn]"
 )
 @click.option(
@@ -90,6 +96,7 @@ def command(
     core: bool,
     campaign: int | None,
     jobs: int | None,
+    scheduler: str | None,
     strength: str | None,
     block: Block,
     minutes: float | None,
@@ -113,10 +120,14 @@ def command(
       truing trial --engine mujoco --campaign 60 --seed 1
     """
     weak = None if strength is None else strength == "weak"
+    if scheduler is not None and (campaign is None or jobs is not None):
+        raise click.UsageError("--scheduler goes with --campaign, and without --jobs: a cluster has its own.")
     if engine is not None:
         refuse_board_options(plans=plans, core=core, block=block)
         if campaign is not None:
-            engine_campaign(app, engine, campaign, seed, out, jobs=jobs, minutes=minutes, table=table)
+            engine_campaign(
+                app, engine, campaign, seed, out, jobs=jobs, scheduler=scheduler, minutes=minutes, table=table
+            )
         else:
             rate_hz = None if rate is None else int(rate)
             engine_trial(app, engine, effect, seed, out, weak=weak, mode=mode, rate_hz=rate_hz)
@@ -129,7 +140,10 @@ def command(
     require_virtual_board()
     if campaign is not None:
         folder = out or out_folder() / "trials" / f"campaign-{seed}{'' if block == 'main' else f'-{block}'}"
-        _campaign(app, campaign, seed, folder, jobs=jobs, block=block, minutes=minutes, table=table)
+        _campaign(
+            app, campaign, seed, folder,
+            jobs=jobs, scheduler=scheduler, block=block, minutes=minutes, table=table,
+        )  # fmt: skip
         return
     from truing.trial.campaign import score
     from truing.trial.concealed import Asked, run_concealed
@@ -172,16 +186,18 @@ def _campaign(
     folder: Path,
     *,
     jobs: int | None,
+    scheduler: str | None,
     block: Block,
     minutes: float | None,
     table: Path | None,
 ) -> None:
+    from truing.fleet.engine import open_engine
     from truing.trial.campaign import run_campaign
     from truing.trial.results import to_json
 
-    with app.progress(f"{trials} trials") as progress:
+    with open_engine(jobs, scheduler) as engine, app.progress(f"{trials} trials") as progress:
         scores = run_campaign(
-            trials, seed, folder, progress, app.note, jobs=jobs, block=block, minutes=minutes, table=table
+            trials, seed, folder, progress, app.note, engine=engine, block=block, minutes=minutes, table=table
         )
     app.emit(to_json(scores))
     app.say((folder / "results.md").read_text(encoding="utf-8"))

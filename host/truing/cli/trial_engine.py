@@ -84,18 +84,20 @@ def engine_campaign(
     out: Path | None,
     *,
     jobs: int | None,
+    scheduler: str | None,
     minutes: float | None,
     table: Path | None,
 ) -> None:
     """Run many, and print their page."""
+    from truing.fleet.engine import open_engine
     from truing.trial.engines.campaign import run_engine_campaign
     from truing.trial.engines.proof import to_json
     from truing.workspace import out_folder
 
     folder = out or out_folder() / "trials" / f"{engine}-campaign-{seed}"
-    with app.progress(f"{trials} trials") as progress:
+    with open_engine(jobs, scheduler) as cluster, app.progress(f"{trials} trials") as progress:
         scores = run_engine_campaign(
-            engine, trials, seed, folder, progress, app.note, jobs=jobs, minutes=minutes, table=table
+            engine, trials, seed, folder, progress, app.note, engine=cluster, minutes=minutes, table=table
         )
     app.emit(to_json(scores))
     app.say((folder / "results.md").read_text(encoding="utf-8"))

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from truing.errors import TruingError
+from truing.fleet.engine import Engine, ProcessPool
 from truing.progress import Progress
 from truing.recording.writer import replace_file
 from truing.trial.concealed import Asked, TrialResult, run_concealed
@@ -43,7 +43,7 @@ def run_campaign(
     progress: Progress,
     note: Callable[[str], None],
     *,
-    jobs: int | None = None,
+    engine: Engine | None = None,
     block: Block = "main",
     minutes: float | None = None,
     table: Path | None = None,
@@ -53,13 +53,13 @@ def run_campaign(
 
     Parameters
     ----------
-    jobs : processes; all cores where None.
+    engine : where the trials run; a process for each core where None.
     minutes : no trial begins after so many minutes.
     table : the page goes here too.
     run : another way to run a trial than the product's.
     """
     wanted = tasks(trials, seed, block)
-    scores = run_tasks(wanted, folder, progress, note, run or run_one, jobs=jobs, minutes=minutes)
+    scores = run_tasks(wanted, folder, progress, note, run or run_one, engine=engine, minutes=minutes)
     page = to_markdown(scores, trials=trials, seed=seed, block=block)
     write_results(folder, json.dumps(to_json(scores), indent=1), page, table)
     return scores
@@ -72,7 +72,7 @@ def run_tasks(
     note: Callable[[str], None],
     run: Run[TaskT],
     *,
-    jobs: int | None = None,
+    engine: Engine | None = None,
     minutes: float | None = None,
 ) -> list[Score]:
     """Run the tasks that `folder` does not hold yet; return the scores of all that it holds then."""
@@ -83,30 +83,31 @@ def run_tasks(
     began = time.monotonic()
     finished = len(wanted) - len(todo)
     progress(finished / len(wanted))
-    workers = jobs or os.cpu_count() or 1
-    with ProcessPoolExecutor(max_workers=workers) as pool:
-        running: dict[Future[Score], TaskT] = {}
-        while todo or running:
-            late = minutes is not None and time.monotonic() - began > 60.0 * minutes
-            while todo and not late and len(running) < workers:
-                running[pool.submit(run, todo[0], folder)] = todo[0]
-                todo.pop(0)
-            if not running:
-                break
-            ended, _ = wait(running, return_when=FIRST_COMPLETED)
-            for future in ended:
-                each = running.pop(future)
-                finished += 1
-                progress(finished / len(wanted))
-                try:
-                    result = future.result()
-                except TruingError as error:
-                    note(f"trial {each.effect}/{each.seed}: {error.message}")
-                    continue
-                done[result.effect, result.seed] = result
-                with store.open("a", encoding="utf-8") as file:
-                    file.write(json.dumps(result.to_json()) + "\n")
+
+    def in_time() -> Iterator[TaskT]:
+        for each in todo:
+            if minutes is not None and time.monotonic() - began > 60.0 * minutes:
+                return
+            yield each
+
+    task = partial(_run_in, run, folder.resolve())
+    for ended in (engine or ProcessPool()).run(task, in_time()):
+        finished += 1
+        progress(finished / len(wanted))
+        try:
+            result = ended.value()
+        except TruingError as error:
+            note(f"trial {ended.item.effect}/{ended.item.seed}: {error.message}")
+            continue
+        done[result.effect, result.seed] = result
+        with store.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(result.to_json()) + "\n")
     return [done[each.effect, each.seed] for each in wanted if (each.effect, each.seed) in done]
+
+
+def _run_in(run: Run[TaskT], folder: Path, each: TaskT) -> Score:
+    """Run a trial in the campaign's folder; in this order a process gets it as one argument."""
+    return run(each, folder)
 
 
 def write_results(folder: Path, results: str, page: str, table: Path | None) -> None:

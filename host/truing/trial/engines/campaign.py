@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+from truing.fleet.engine import Engine
 from truing.progress import Progress
 from truing.trial.campaign import Run, run_tasks, write_results
 from truing.trial.concealed import TrialResult, run_concealed
@@ -29,7 +30,7 @@ def run_engine_campaign(
     progress: Progress,
     note: Callable[[str], None],
     *,
-    jobs: int | None = None,
+    engine: Engine | None = None,
     minutes: float | None = None,
     table: Path | None = None,
     run: Run[EngineTask] | None = None,
@@ -38,15 +39,15 @@ def run_engine_campaign(
 
     Parameters
     ----------
-    jobs : processes; all cores where None.
+    engine : where the trials run; a process for each core where None.
     minutes : no trial begins after so many minutes.
     table : the page goes here too.
     run : another way to run a trial than the product's.
     """
-    engine = load_engine(engine_name)
-    wanted = engine_tasks(engine, trials, seed)
-    scores = run_tasks(wanted, folder, progress, note, run or run_one, jobs=jobs, minutes=minutes)
-    page = to_markdown(engine, scores, trials=trials, seed=seed, table=str(table or "PROOF.md"))
+    physics = load_engine(engine_name)
+    wanted = engine_tasks(physics, trials, seed)
+    scores = run_tasks(wanted, folder, progress, note, run or run_one, engine=engine, minutes=minutes)
+    page = to_markdown(physics, scores, trials=trials, seed=seed, table=str(table or "PROOF.md"))
     if table is not None:
         page += other_proof(table)
     write_results(folder, json.dumps(to_json(scores), indent=1), page, table)

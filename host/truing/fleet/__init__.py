@@ -1,0 +1,1 @@
+"""Recordings of many robots over years: diagnosed on a cluster, compared, followed in time."""
