@@ -1,8 +1,8 @@
 """A fleet on a Dask cluster: cost per robot, memory, efficiency, recovery, a year in which a robot wears.
 
 `./run bench fleet` measures (about half an hour on two free cores) and writes the tables of docs/FLEET.md.
-`python tests/bench/fleet.py PART...` measures parts alone (`year`, `scale`, `efficiency`, `recovery`), keeps
-what it finds in out/bench/fleet.json, and `page` writes the tables from there.
+`python tests/bench/fleet.py PART...` measures parts alone (`year`, `scale` or `scale:100`, `efficiency`,
+`bare`, `recovery`), keeps what it finds in out/bench/fleet.json, and `page` writes the tables from there.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ import psutil
 from bench.figure import Figure
 from support.dask_cluster import Cluster, cluster_of_processes, wait_for
 from support.fleet_robots import Fleet, record
+from truing.fleet.run import AHEAD
 
 ROOT = Path(__file__).resolve().parents[2]
 KEPT, PAGE = ROOT / "out/bench/fleet.json", ROOT / "docs/FLEET.md"
@@ -39,6 +40,7 @@ YEAR = Fleet(robots=50, weeks=tuple(2.0 * k for k in range(27)), worn=17)
 SCALES = ((10, True, False), (100, True, False), (1_000, False, False), (10_000, False, True))
 DISTINCT_OF_SHARED = 10
 BAR_EFFICIENCY = 0.9
+BARE_TASKS = 1_000
 NIGHT_ROBOTS, NIGHT_H = 100_000, 10.0
 
 
@@ -233,10 +235,24 @@ def efficiency(kept: dict[str, Any]) -> None:
                     "cpu_in_tasks": sum(one.cpu_s for one in ran.outcomes) / spent,
                     "load": os.getloadavg()[0],
                 }
-                if workers == 2:
-                    found["bare_tasks_per_s"] = _bare(cluster)
     found["speed_up"] = found["1"]["elapsed_s"] / found["2"]["elapsed_s"]
     kept["efficiency"] = found
+
+
+def bare(kept: dict[str, Any]) -> None:
+    """Tasks that do nothing: how many a second, and the CPU that client and scheduler take for one."""
+    with tempfile.TemporaryDirectory() as name, cluster_of_processes(Path(name), 2) as cluster:
+        _bare(cluster, 50)
+        before = time.process_time(), sum(psutil.Process(cluster.scheduler.pid).cpu_times()[:2])
+        rate = _bare(cluster, BARE_TASKS)
+        client = time.process_time() - before[0]
+        scheduler = sum(psutil.Process(cluster.scheduler.pid).cpu_times()[:2]) - before[1]
+    kept["bare"] = {
+        "tasks_per_s": rate,
+        "client_cpu_ms": 1e3 * client / BARE_TASKS,
+        "scheduler_cpu_ms": 1e3 * scheduler / BARE_TASKS,
+        "load": os.getloadavg()[0],
+    }
 
 
 def _cpu(cluster: Cluster) -> float:
@@ -245,13 +261,13 @@ def _cpu(cluster: Cluster) -> float:
     return sum(sum(process.cpu_times()[:2]) for process in processes)
 
 
-def _bare(cluster: Cluster) -> float:
-    """Tasks a second that do nothing: what client and scheduler take for a task."""
+def _bare(cluster: Cluster, tasks: int) -> float:
+    """Tasks a second that do nothing."""
     from truing.fleet.dask_engine import open_cluster
 
     with open_cluster(scheduler=cluster.address) as engine:
         begin = time.perf_counter()
-        count = sum(1 for _ in engine.run(str, range(2_000), ahead=20))
+        count = sum(1 for _ in engine.run(str, range(tasks), ahead=AHEAD))
         return count / (time.perf_counter() - begin)
 
 
@@ -297,6 +313,7 @@ PARTS: dict[str, Callable[[dict[str, Any]], None]] = {
     "year": year,
     "scale": scale,
     "efficiency": efficiency,
+    "bare": bare,
     "recovery": recovery,
 }
 

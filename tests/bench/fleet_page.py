@@ -117,7 +117,12 @@ def _engine(kept: dict[str, Any]) -> str:
                 f"{found['speed_up']:.2f}",
             )
         )
-        lines.append(_row("tasks a second that do nothing", f"{found['bare_tasks_per_s']:.0f}"))
+    bare = kept.get("bare")
+    if bare:
+        text = f"tasks a second that do nothing, at a load of {bare['load']:.0f}"
+        lines.append(_row(text, f"{bare['tasks_per_s']:.0f}"))
+        cpu = f"{bare['client_cpu_ms']:.1f} and {bare['scheduler_cpu_ms']:.1f} ms"
+        lines.append(_row("CPU of client and of scheduler for each of them", cpu))
     if back:
         lines.append(
             _row(
@@ -126,7 +131,7 @@ def _engine(kept: dict[str, Any]) -> str:
             )
         )
         lines.append(_row(f"sets that have their result then, of {back['sets']}", str(back["rows"])))
-    return "\n".join(lines) if found or back else NOT_MEASURED
+    return "\n".join(lines) if len(lines) > 2 else NOT_MEASURED
 
 
 def _night(kept: dict[str, Any], robots: int, hours: float) -> str:
@@ -177,9 +182,11 @@ def _night(kept: dict[str, Any], robots: int, hours: float) -> str:
             f"{large['client_mb']:.0f} MB {at}",
         ),
     ]
-    rate = kept.get("efficiency", {}).get("bare_tasks_per_s")
-    if rate:
-        rows.append(("client and scheduler", f"{robots / rate:.0f} s", f"{rate:.0f} tasks a second"))
+    bare = kept.get("bare")
+    if bare:
+        each_ms = max(bare["client_cpu_ms"], bare["scheduler_cpu_ms"])
+        text = f"{each_ms:.1f} CPU ms a task, the slower of both"
+        rows.append(("client and scheduler", f"{robots * each_ms / 1e3:.0f} s", text))
     lines += [_row(*row) for row in rows]
     return "\n".join([*lines, "", *_what_breaks(robots, index_mb, gather_s)])
 

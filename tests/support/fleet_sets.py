@@ -51,7 +51,7 @@ def cluster_in_this_process(threads: int = 2) -> Iterator[DaskEngine]:
 
     with (
         LocalCluster(
-            n_workers=1, threads_per_worker=threads, processes=False, dashboard_address=None
+            n_workers=1, threads_per_worker=threads, processes=False, dashboard_address=":0"
         ) as cluster,
         Client(cluster) as client,
     ):

@@ -21,7 +21,7 @@ def test_friction_that_grows_by_one_per_cent_a_week_is_found_and_nothing_else(
     from truing.fleet.storage import Place
     from truing.fleet.tables import gather
 
-    fleet = Fleet(robots=8, weeks=(0.0, 6.0, 12.0, 18.0, 26.0, 34.0, 43.0, 52.0), worn=5)
+    fleet = Fleet(robots=7, weeks=(0.0, 8.0, 16.0, 24.0, 33.0, 42.0, 52.0), worn=5)
     record_fleet(fleet, tmp_path / "recordings")
     place = Place(str(tmp_path / "out"))
     jobs = jobs_of(read_catalogue([str(tmp_path / "recordings")]).sets, place.url, diagnose=False)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import os
 import queue
+import time
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +22,8 @@ if TYPE_CHECKING:
 
 # How long a cluster may take to answer, to have its first worker, and to say farewell.
 CONNECT_S, WORKER_S, CLOSE_S = 10.0, 60.0, 2.0
+# How long a result, which is a few words, may be on its way: the worker that has it may be dying.
+FETCH_S = 60.0
 # How often a run that waits looks whether its scheduler is still there.
 LOOK_EVERY_S = 0.5
 # Workers that may die with a task before it is given up: a crash may be another task's, or the machine's.
@@ -36,11 +41,17 @@ class DaskEngine:
 
     def __init__(self, client: Client, address: str) -> None:
         self._client, self._address = client, address
+        self._counted_at, self._threads = -LOOK_EVERY_S, 1
 
     @property
     def workers(self) -> int:
         """Threads of all workers, at the moment: workers come and go."""
-        return max(1, sum(int(threads) for threads in self._client.nthreads().values()))
+        now = time.monotonic()
+        if now - self._counted_at >= LOOK_EVERY_S:
+            with self._reaching():
+                self._threads = max(1, sum(int(threads) for threads in self._client.nthreads().values()))
+            self._counted_at = now
+        return self._threads
 
     def run(
         self, function: Callable[[Item], Result], items: Iterable[Item], *, ahead: int = 0
@@ -59,7 +70,8 @@ class DaskEngine:
                         more = False
                         break
                     # Not pure: the same item again is meant to run again.
-                    future = self._client.submit(function, item, pure=False)
+                    with self._reaching():
+                        future = self._client.submit(function, item, pure=False)
                     running[future.key] = (future, item)
                     future.add_done_callback(done.put)
                 if not running:
@@ -88,18 +100,22 @@ class DaskEngine:
 
         if future.status in ("cancelled", "lost", "pending"):
             raise self._lost()
-        if future.status == "finished":
-            try:
-                return Ended(item, future.result(timeout=CONNECT_S))
-            except Exception:
-                if self._client.status == "running":
-                    raise
-                raise self._lost() from None
-        error = future.exception(timeout=CONNECT_S)
+        with self._reaching():
+            if future.status == "finished":
+                return Ended(item, future.result(timeout=FETCH_S))
+            error = future.exception(timeout=FETCH_S)
         if isinstance(error, KilledWorker):
             died = f"{DEATHS_ALLOWED + 1} workers died while they ran it"
             return Ended(item, error=WorkerLostError(died, "See the workers' logs; is there enough memory?"))
         return Ended(item, error=error)
+
+    @contextmanager
+    def _reaching(self) -> Iterator[None]:
+        """What ends the talk with the scheduler says that it is gone; a task's error is never raised here."""
+        try:
+            yield
+        except (OSError, TimeoutError, CancelledError, asyncio.CancelledError):
+            raise self._lost() from None
 
     def _lost(self) -> SchedulerLostError:
         return SchedulerLostError(
@@ -134,7 +150,7 @@ def open_cluster(workers: int | None = None, scheduler: str | None = None) -> It
                 LocalCluster(
                     n_workers=count,
                     threads_per_worker=1,
-                    dashboard_address=None,
+                    dashboard_address=":0",
                     silence_logs=logging.CRITICAL,
                 ) as cluster,
                 Client(cluster) as client,

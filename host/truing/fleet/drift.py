@@ -27,6 +27,8 @@ MIN_SETS = 6
 MAX_DATES = 20
 # Sets that must lie on either side of a step, and after the corner of a hinge.
 BESIDE = 3
+# Dates between two sets at which a hinge's corner is looked for.
+BETWEEN_SETS = 4
 DAYS_OF_A_YEAR = 365.25
 
 
@@ -136,13 +138,21 @@ def _best(form: str, tests: Sequence[tuple[Form, float]], explained: FloatArray)
     return max(own, key=lambda k: explained[k]) if own else None
 
 
+def _fine_dates(form: Form, t: FloatArray) -> FloatArray:
+    """Dates at which a form is fitted: of a hinge between the sets too, where its corner may lie."""
+    if form == "line":
+        return t[:1]
+    if form == "step":
+        return np.unique(t[BESIDE : len(t) - BESIDE + 1])
+    days = np.unique(t[: len(t) - BESIDE + 1])
+    places = np.linspace(0.0, len(days) - 1.0, (len(days) - 1) * BETWEEN_SETS + 1)
+    return np.asarray(np.interp(places, np.arange(len(days)), days))
+
+
 def _described(series: Series, w: FloatArray, form: Form, variation: Variation, p: float) -> Change:
     """The fit of one form over all dates, with its intervals."""
     t, y, n = series.t_days, series.value, len(series)
-    if form == "line":
-        at = np.array([t[0]])
-    else:
-        at = np.unique(t[: n - BESIDE + 1] if form == "hinge" else t[BESIDE : n - BESIDE + 1])
+    at = _fine_dates(form, t)
     z = np.column_stack([regressor(form, t, float(day)) for day in at])
     explained, constant = _explained(z, y, w)
     k = int(np.argmax(explained))
@@ -151,6 +161,9 @@ def _described(series: Series, w: FloatArray, form: Form, variation: Variation, 
     scale = max((constant - float(explained[k])) / (n - used), 1.0) * variation.inflation
     within = explained >= explained[k] - scale * float(scipy.stats.f.ppf(0.95, 1.0, free))
     days = at[within]
+    first = float(days.min())
+    if form == "step":  # it happened between two sets
+        first = float(t[t < first].max())
     column = z[:, k]
     mean = float(w @ column) / float(w.sum())
     power = float(w @ (column - mean) ** 2)
@@ -165,7 +178,7 @@ def _described(series: Series, w: FloatArray, form: Form, variation: Variation, 
         rate=size * unit,
         ci95=((size - half) * unit, (size + half) * unit),
         since_days=float(at[k]),
-        since95=(float(days.min()), float(days.max())),
+        since95=(first, float(days.max())),
         level=level,
         now=level + size * float(column[-1]),
     )

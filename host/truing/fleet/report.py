@@ -64,7 +64,6 @@ def index_page(analysis: Analysis, sets: Sequence[Mapping[str, Any]]) -> str:
         "From": days[0].date().isoformat() if days else "–",
         "To": days[-1].date().isoformat() if days else "–",
     }
-    found = [one for one in analysis.pairs if one.is_found]
     parts = [
         "<h2>Wear and other changes</h2>",
         _table(wording.change_table(analysis.drifting, analysis.rate)),
@@ -72,8 +71,7 @@ def index_page(analysis: Analysis, sets: Sequence[Mapping[str, Any]]) -> str:
         "<h2>Robots beside their sisters</h2>",
         _table(wording.difference_table(analysis.differing, analysis.rate)),
         "<h2>Missing effects</h2>",
-        _table(wording.effect_table(analysis.robots)),
-        _table(wording.pair_table(found, analysis.rate)),
+        *_effect_tables(analysis),
         "<h2>Every robot</h2>",
         html_table(_robot_table(analysis, sets, robots)),
     ]
@@ -241,6 +239,14 @@ def _table(table: PlainTable) -> str:
     if not table.rows:
         return f'<div class="said"><p>{escape(table.title)}: none.</p></div>'
     return html_table(table)
+
+
+def _effect_tables(analysis: Analysis) -> list[str]:
+    if not analysis.robots:
+        return ['<div class="said"><p>No set has been diagnosed.</p></div>']
+    found = [one for one in analysis.pairs if one.is_found]
+    tables = (wording.effect_table(analysis.robots), wording.pair_table(found, analysis.rate))
+    return [_table(table) for table in tables]
 
 
 def _facts(values: Mapping[str, str]) -> str:

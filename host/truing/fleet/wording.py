@@ -24,6 +24,11 @@ def amount(value: float, unit: str) -> str:
     return f"{value * scale:.3g} {UNITS.get(small, small)}"
 
 
+def cell(value: float, unit: str) -> str:
+    """A number with its unit as a table has it: `4.71 %`, of full effort."""
+    return amount(value, unit).removesuffix(" of full effort")
+
+
 def span(low: float, high: float, unit: str) -> str:
     """Both ends of an interval, without the unit."""
     scale = _SMALLER.get(unit, (unit, 1.0))[1]
@@ -87,24 +92,18 @@ def change_table(changes: Sequence[Change], rate: float) -> PlainTable:
         unit = one.series.unit
         low, high = (day_text(day) for day in one.since95)
         since = day_text(one.since_days) + ("" if one.form == "line" else f" ({low} to {high})")
-        per_year = "–" if one.form == "step" else f"{amount(one.rate, unit)} ({span(*one.ci95, unit)})"
+        per_year = "–" if one.form == "step" else f"{cell(one.rate, unit)} ({span(*one.ci95, unit)})"
         grown = f"{100.0 * one.relative:+.1f} %" if math.isfinite(one.relative) else "–"
         table.rows.append(
             [
-                *(one.series.robot, one.series.title, one.form),
-                *(
-                    amount(one.level, unit),
-                    amount(one.now, unit),
-                    grown,
-                    per_year,
-                    since,
-                    str(len(one.series)),
-                ),
+                *(one.series.robot, one.series.title, one.form, cell(one.level, unit), cell(one.now, unit)),
+                *(grown, per_year, since, str(len(one.series))),
             ]
         )
     table.remarks = [
         f"False discovery rate {100.0 * rate:g} % over all robots and parameters. line: from the first "
-        "set on; hinge: constant, then a line; step: at once. The rate's interval holds for the date given."
+        "set on; hinge: constant, then a line; step: at once. The rate's interval holds for the date given. "
+        "Friction in per cent of full effort."
     ]
     return table
 
@@ -120,7 +119,7 @@ def difference_table(numbers: Sequence[RobotNumber], rate: float) -> PlainTable:
         apart = f"{100.0 * one.relative:+.1f} %" if math.isfinite(one.relative) else "–"
         title = title_of(one.parameter, one.wheel)
         table.rows.append(
-            [one.robot, title, amount(one.own, one.unit), amount(one.centre, one.unit), apart, str(one.sets)]
+            [one.robot, title, cell(one.own, one.unit), cell(one.centre, one.unit), apart, str(one.sets)]
         )
     table.remarks = [
         f"Beyond the spread among the sisters and the robot's own uncertainty, at a false discovery rate of "
@@ -139,9 +138,9 @@ def trend_table(trends: Sequence[CommonTrend]) -> PlainTable:
     for one in trends:
         group = f"{one.group}: " if one.group else ""
         sure = "yes" if one.ci95[0] > 0.0 or one.ci95[1] < 0.0 else "no"
-        rate = f"{amount(one.rate, one.unit)} ({span(*one.ci95, one.unit)})"
+        rate = f"{cell(one.rate, one.unit)} ({span(*one.ci95, one.unit)})"
         title = group + title_of(one.parameter, one.wheel)
-        table.rows.append([title, str(one.robots), amount(one.level, one.unit), rate, sure])
+        table.rows.append([title, str(one.robots), cell(one.level, one.unit), rate, sure])
     table.remarks = [
         "Mean of the robots' own lines (random-effects meta-analysis): season, floor, common wear."
     ]
@@ -186,13 +185,13 @@ def own_table(numbers: Sequence[RobotNumber]) -> PlainTable:
         [False, True, True, True, True],
     )
     for one in numbers:
-        own = f"{amount(one.own, one.unit)} ± {_half(one.own_sd, one.unit)}"
+        own = f"{cell(one.own, one.unit)} ± {_half(one.own_sd, one.unit)}"
         shared = (
             "differs: its own"
             if one.differs
-            else (f"{amount(one.pooled, one.unit)} ± {_half(one.pooled_sd, one.unit)}")
+            else (f"{cell(one.pooled, one.unit)} ± {_half(one.pooled_sd, one.unit)}")
         )
-        centre = amount(one.centre, one.unit) if math.isfinite(one.centre) else "–"
+        centre = cell(one.centre, one.unit) if math.isfinite(one.centre) else "–"
         table.rows.append([title_of(one.parameter, one.wheel), own, str(one.sets), centre, shared])
     table.remarks = [
         "Mean over its sets. Pooled: the estimate to use where the robot has few sets of its own."
