@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 # How long a cluster may take to answer, to have its first worker, and to say farewell.
 CONNECT_S, WORKER_S, CLOSE_S = 10.0, 60.0, 2.0
-# How long a result, which is a few words, may be on its way: the worker that has it may be dying.
-FETCH_S = 60.0
 # How often a run that waits looks whether its scheduler is still there.
 LOOK_EVERY_S = 0.5
 # Workers that may die with a task before it is given up: a crash may be another task's, or the machine's.
@@ -98,16 +96,23 @@ class DaskEngine:
     def _ended(self, future: Any, item: Item) -> Ended[Item, Result]:
         from distributed import KilledWorker
 
-        if future.status in ("cancelled", "lost", "pending"):
+        error = self._waited(future.exception)
+        if isinstance(error, (CancelledError, asyncio.CancelledError)):
             raise self._lost()
-        with self._reaching():
-            if future.status == "finished":
-                return Ended(item, future.result(timeout=FETCH_S))
-            error = future.exception(timeout=FETCH_S)
         if isinstance(error, KilledWorker):
-            died = f"{DEATHS_ALLOWED + 1} workers died while they ran it"
+            died = "its workers died, one after the other, while they ran it"
             return Ended(item, error=WorkerLostError(died, "See the workers' logs; is there enough memory?"))
-        return Ended(item, error=error)
+        return Ended(item, error=error) if error is not None else Ended(item, self._waited(future.result))
+
+    def _waited(self, fetch: Callable[..., Any]) -> Any:
+        """What a future gives; where the worker that held it has died, its task runs again first."""
+        with self._reaching():
+            while True:
+                try:
+                    return fetch(timeout=LOOK_EVERY_S)
+                except TimeoutError:
+                    if self._client.status != "running":
+                        raise
 
     @contextmanager
     def _reaching(self) -> Iterator[None]:
