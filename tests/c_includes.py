@@ -18,6 +18,7 @@ MAY_INCLUDE: dict[str, tuple[str, ...]] = {
     "firmware/hal/host": ("firmware/hal",),
     "firmware/core": ("protocol/c", "firmware/hal/hal.h"),
     "firmware/stm32f405": ("firmware/core/controller.h", "firmware/hal/hal.h"),
+    "firmware/stm32f405/boards": (),
     "hil_sim/board": ("<unicorn/unicorn.h>",),
     "hil_sim/plant": (),
     "hil_sim/rig": ("hil_sim/board/board.h", "hil_sim/plant/plant.h"),

@@ -20,7 +20,6 @@ enum {
     RX_SIZE = 32,
     TX_SIZE = 32,
     MAILBOXES = 3,
-    PIN_FUNCTION_CAN1 = 9,
     /* A mode change waits for the frame under way: 160 bits, 1.6 ms at 100 kbit/s. Longer than that at the
      * fastest clock, in passes of the loop. */
     MODE_SPINS = 60000,
@@ -65,8 +64,8 @@ void bxcan_prepare(uint32_t bus_hz, bool exact)
     if (!exact) {
         return;
     }
-    pin_to_peripheral(GPIOB, 8, PIN_FUNCTION_CAN1, PULL_UP); /* without a transceiver the bus looks idle */
-    pin_to_peripheral(GPIOB, 9, PIN_FUNCTION_CAN1, PULL_UP);
+    pin_to_peripheral(BOARD_CAN_RX, FUNCTION_CAN1, PULL_UP); /* without a transceiver the bus looks idle */
+    pin_to_peripheral(BOARD_CAN_TX, FUNCTION_CAN1, PULL_UP);
     static const uint8_t irqs[] = {IRQ_CAN1_TX, IRQ_CAN1_RX0, IRQ_CAN1_SCE};
     for (uint32_t i = 0; i < sizeof irqs; i++) {
         NVIC_IPR(irqs[i]) = PRIORITY_CAN;

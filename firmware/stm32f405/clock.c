@@ -5,6 +5,7 @@
 #include "crystal.h"
 #include "fault.h"
 #include "registers.h"
+#include "wiring.h"
 
 /* Datasheet DocID022152: a crystal starts in 2 ms typically (section 5.3.8), the RC oscillator within 4 us
  * (5.3.9), the PLL locks within 0.3 ms (5.3.10). The limits leave room for a poor crystal. */
@@ -21,7 +22,8 @@
  * it may be over temperature (datasheet section 5.3.9), and APB1's 39.5 MHz divide to 921600 baud within 0.33
  * %. */
 #define PLL_FROM_CRYSTAL                                                                                     \
-    (RCC_PLLCFGR_M(4) | RCC_PLLCFGR_N(168) | RCC_PLLCFGR_P_2 | RCC_PLLCFGR_SRC_HSE | RCC_PLLCFGR_Q(7))
+    (RCC_PLLCFGR_M(BOARD_CRYSTAL_HZ / 2000000u) | RCC_PLLCFGR_N(168) | RCC_PLLCFGR_P_2 |                     \
+     RCC_PLLCFGR_SRC_HSE | RCC_PLLCFGR_Q(7))
 #define PLL_FROM_INTERNAL (RCC_PLLCFGR_M(8) | RCC_PLLCFGR_N(158) | RCC_PLLCFGR_P_2 | RCC_PLLCFGR_Q(7))
 #define CRYSTAL_PLL_HZ    168000000u
 #define INTERNAL_PLL_HZ   158000000u

@@ -9,14 +9,14 @@
 #define CLOCK_RESET_HZ 16000000u
 
 enum clock_source {
-    CLOCK_CRYSTAL_PLL,  /* 8 MHz crystal, 168 MHz */
+    CLOCK_CRYSTAL_PLL,  /* the board's crystal, 168 MHz */
     CLOCK_INTERNAL_PLL, /* the crystal is not there, or another: RC oscillator through the PLL, 158 MHz */
     CLOCK_INTERNAL,     /* nor did the PLL: RC oscillator, 16 MHz */
 };
 
 struct clock {
     enum clock_source source;
-    bool crystal_wrong;     /* it oscillates, at another frequency than 8 MHz */
+    bool crystal_wrong;     /* it oscillates, at another frequency than the board's */
     uint32_t cpu_hz;        /* HCLK, and SysTick */
     uint32_t apb1_hz;       /* USART3 */
     uint32_t timer_apb1_hz; /* TIM2 to TIM4 */

@@ -9,6 +9,7 @@
 #include <stdint.h>
 
 #include "registers.h"
+#include "wiring.h"
 
 /* What SysTick, TIM11 and the CPU run from meanwhile. */
 #define RC_HZ 16000000u
@@ -16,12 +17,12 @@
 enum { DIVIDER = 31, PRESCALER = 8, CAPTURES = 64 };
 
 /* 2 ms: the end of each period is known to a count of 62.5 ns. */
-#define COUNTS (RC_HZ / 1000u * DIVIDER * PRESCALER * CAPTURES / (CRYSTAL_HZ / 1000u))
+#define COUNTS (RC_HZ / 1000u * DIVIDER * PRESCALER * CAPTURES / (BOARD_CRYSTAL_HZ / 1000u))
 
 /* Datasheet DocID022152, section 5.3.9: the factory's calibration of the RC oscillator holds within -8 and
  * +4.5 % from -40 to 105 C, and within 1 % at 25 C. Half a per cent more is left to the crystal and to the
- * counts. At 25 C a crystal below 7.6 or above 8.8 MHz is noticed, at any temperature one below 7.0 or above
- * 9.2; of the usual ones 8.192 MHz passes, with which the CPU runs 2.4 % too fast. */
+ * counts. In place of 8 MHz, at 25 C a crystal below 7.6 or above 8.8 MHz is noticed, at any temperature one
+ * below 7.0 or above 9.2; of the usual ones 8.192 MHz passes, with which the CPU runs 2.4 % too fast. */
 #define COUNTS_MIN (COUNTS * 915u / 1000u)
 #define COUNTS_MAX (COUNTS * 1050u / 1000u)
 

@@ -4,8 +4,6 @@
 
 #include <stdbool.h>
 
-#define CRYSTAL_HZ 8000000u
-
 /* The crystal runs, and everything else from the RC oscillator, undivided; SysTick counts. Takes 2 ms. */
 bool crystal_is_right(void);
 

@@ -3,11 +3,19 @@
 #define DRIVER_ENABLE_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
-/* The level at which the drivers are on. The resistor at the pin pulls to the other one. */
-#ifndef DRIVER_ENABLE_ACTIVE_LOW
-#define DRIVER_ENABLE_ACTIVE_LOW 0
-#endif
+#include "wiring.h"
+
+/* The pin's bits in CCER and CR2 of its timer, for a bridge that shares that timer; zero in any other. */
+#define ENABLE_INDEX (BOARD_ENABLE_CHANNEL - 1u)
+#define ENABLE_CCER_IN(timer)                                                                                \
+    ((timer) != BOARD_ENABLE_TIMER                                                                           \
+         ? 0u                                                                                                \
+         : TIM_CCER_ENABLE(ENABLE_INDEX) |                                                                   \
+               (DRIVER_ENABLE_ACTIVE_LOW != 0 ? TIM_CCER_INVERT(ENABLE_INDEX) : 0u))
+#define ENABLE_CR2_IN(timer)                                                                                 \
+    ((timer) != BOARD_ENABLE_TIMER || DRIVER_ENABLE_ACTIVE_LOW == 0 ? 0u : TIM_CR2_OIS(ENABLE_INDEX))
 
 /* From here on the pin holds its inactive level. */
 void driver_enable_start(void);

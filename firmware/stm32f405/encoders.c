@@ -16,7 +16,7 @@
 #include "pins.h"
 #include "registers.h"
 
-enum { PIN_FUNCTION_TIM3_TIM4 = 2, TIMEBASE_HZ = 1000000 };
+enum { TIMEBASE_HZ = 1000000 };
 
 /* A level must hold for eight samples at 84 MHz / 4 / 8, that is 3.05 us, before it counts (RM0090 section
  * 18.4.7). Edges of the bridges couple pulses of about a microsecond into encoder wires. The fastest encoder
@@ -29,7 +29,10 @@ enum { FILTER = 9 };
 #define BELOW   3u
 #define MATCHES (TIM_CC_FLAG(ABOVE) | TIM_CC_FLAG(BELOW))
 
-static struct timer *const timers[HAL_WHEELS] = {TIM3, TIM4};
+#define LEFT_TIMER  TIMER(BOARD_LEFT_ENCODER_TIMER)
+#define RIGHT_TIMER TIMER(BOARD_RIGHT_ENCODER_TIMER)
+
+static struct timer *const timers[HAL_WHEELS] = {LEFT_TIMER, RIGHT_TIMER};
 static uint16_t last[HAL_WHEELS];
 static uint32_t total[HAL_WHEELS]; /* unsigned: it wraps */
 static uint32_t read_us;           /* when the counters were read */
@@ -72,8 +75,10 @@ void encoders_start(uint32_t timer_apb1_hz)
         timer->egr = TIM_EGR_UG;
         timer->cr1 = TIM_CR1_CKD_DIV4 | TIM_CR1_CEN;
         /* Pull-ups serve encoders with open collectors, and hold the lines of an absent one. */
-        pin_to_peripheral(GPIOB, 4u + 2u * wheel, PIN_FUNCTION_TIM3_TIM4, PULL_UP);
-        pin_to_peripheral(GPIOB, 5u + 2u * wheel, PIN_FUNCTION_TIM3_TIM4, PULL_UP);
+        pin_to_peripheral(wheel == 0u ? BOARD_LEFT_ENCODER_A : BOARD_RIGHT_ENCODER_A,
+                          FUNCTION_OF_TIMER(BOARD_LEFT_ENCODER_TIMER), PULL_UP);
+        pin_to_peripheral(wheel == 0u ? BOARD_LEFT_ENCODER_B : BOARD_RIGHT_ENCODER_B,
+                          FUNCTION_OF_TIMER(BOARD_LEFT_ENCODER_TIMER), PULL_UP);
         last[wheel] = (uint16_t)timer->cnt;
         total[wheel] = 0;
     }
@@ -105,12 +110,12 @@ static void date_edge(uint32_t wheel)
 
 void TIM3_Handler(void)
 {
-    date_edge(0);
+    date_edge(BOARD_LEFT_ENCODER_TIMER == 3u ? 0u : 1u);
 }
 
 void TIM4_Handler(void)
 {
-    date_edge(1);
+    date_edge(BOARD_LEFT_ENCODER_TIMER == 4u ? 0u : 1u);
 }
 
 /* Waits for the first count beyond `last`. */
@@ -153,7 +158,7 @@ void encoders_update(void)
         timers[wheel]->dier = 0;
     }
     cpu_barrier(); /* no stamp is taken beyond this point */
-    const uint16_t counts[HAL_WHEELS] = {(uint16_t)TIM3->cnt, (uint16_t)TIM4->cnt};
+    const uint16_t counts[HAL_WHEELS] = {(uint16_t)LEFT_TIMER->cnt, (uint16_t)RIGHT_TIMER->cnt};
     read_us = TIM2->cnt;
     for (uint32_t wheel = 0; wheel < HAL_WHEELS; wheel++) {
         take(wheel, counts[wheel]);

@@ -1,4 +1,4 @@
-/* Quadrature encoders of both wheels on TIM3 (left) and TIM4 (right), and when their edges came. */
+/* Quadrature encoders of both wheels on TIM3 and TIM4, and when their edges came. */
 #ifndef ENCODERS_H
 #define ENCODERS_H
 

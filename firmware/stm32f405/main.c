@@ -19,7 +19,7 @@
 #include "usart_link.h"
 #include "watchdog.h"
 
-enum { TICK_HZ = 1000, LED_PIN = 12, LED_MS = 500, LED_FALLBACK_MS = 125 };
+enum { TICK_HZ = 1000, LED_MS = 500, LED_FALLBACK_MS = 125 };
 
 /* Processor cycles from the moment a tick was due to its end; what the README's budget is read from. */
 struct tick_cost {
@@ -34,13 +34,13 @@ static uint32_t led_half_period_ms;
 
 void SysTick_Handler(void);
 
-/* A green LED on the board's PC12 shows that ticks come: 1 Hz on the crystal, 4 Hz without it. */
+/* The board's LED shows that ticks come: 1 Hz on the crystal, 4 Hz without it. */
 static void blink(void)
 {
     static uint32_t elapsed_ms;
     if (++elapsed_ms >= led_half_period_ms) {
         elapsed_ms = 0;
-        GPIOC->odr ^= 1u << LED_PIN;
+        pin_port(BOARD_LED)->odr ^= 1u << pin_number(BOARD_LED);
     }
 }
 
@@ -140,7 +140,7 @@ int main(void)
     encoders_start(clock.timer_apb1_hz);
     battery_start();
     supply_start();
-    pin_to_output(GPIOC, LED_PIN);
+    pin_to_output(BOARD_LED);
     led_half_period_ms = clock.source == CLOCK_CRYSTAL_PLL ? LED_MS : LED_FALLBACK_MS;
     identity_start(&clock);
     log_memory_start();

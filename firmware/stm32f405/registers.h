@@ -186,9 +186,7 @@ struct gpio {
     reg32 lckr;
     reg32 afr[2];
 };
-#define GPIOA ((struct gpio *)0x40020000u)
-#define GPIOB ((struct gpio *)0x40020400u)
-#define GPIOC ((struct gpio *)0x40020800u)
+#define GPIO(port) ((struct gpio *)(0x40020000u + 0x400u * (port))) /* 0: port A */
 
 /* External interrupts, section 12.3; one bit for each line. */
 struct exti {
@@ -237,6 +235,7 @@ _Static_assert(sizeof(struct timer) == 0x54, "TIM11_OR lies at 0x50");
 #define TIM_EGR_UG          (1u << 0)
 #define TIM_CCMR_PWM1       (6u << 4) /* low byte of CCMR1/2; the high byte is the next channel */
 #define TIM_CCMR_ACTIVE     (5u << 4)
+#define TIM_CCMR_INACTIVE   (4u << 4)
 #define TIM_CC_FLAG(ch)     (2u << (ch)) /* CCxIF in SR, CCxIE in DIER, of channel 0..3 */
 #define TIM_CCMR_PRELOAD    (1u << 3)
 #define TIM_CCMR_INPUT      (1u << 0) /* channel is an input from its own pin */

@@ -15,7 +15,7 @@
 #include "registers.h"
 
 /* Powers of two. The largest frame is 1041 bytes on the wire: three of them fit either way. */
-enum { RX_SIZE = 4096, TX_SIZE = 4096, PIN_FUNCTION_USART3 = 7 };
+enum { RX_SIZE = 4096, TX_SIZE = 4096 };
 
 /* Room in the ring comes back when a run has left: a quarter of the ring keeps the line busy and the writer
  * fed. */
@@ -82,8 +82,8 @@ static uint32_t divider(uint32_t bus_hz)
 
 void usart_link_start(uint32_t bus_hz)
 {
-    pin_to_peripheral(GPIOB, 10, PIN_FUNCTION_USART3, PULL_UP);
-    pin_to_peripheral(GPIOB, 11, PIN_FUNCTION_USART3, PULL_UP); /* an open line idles */
+    pin_to_peripheral(BOARD_SERIAL_TX, FUNCTION_USART3, PULL_UP);
+    pin_to_peripheral(BOARD_SERIAL_RX, FUNCTION_USART3, PULL_UP); /* an open line idles */
     USART3->cr1 = 0;
     USART3->cr2 = 0; /* one stop bit */
     USART3->brr = divider(bus_hz);

@@ -1,0 +1,86 @@
+/* Refuses a board's header that gives a pin twice, or a pin to what cannot reach it (LQFP64). */
+#ifndef WIRING_CHECKS_H
+#define WIRING_CHECKS_H
+
+/* Datasheet DocID022152, table 9: the pins of ports A to C on which a timer's channel comes out. */
+#define REACHES_TIM1(channel, pin) ((channel) >= 1u && (channel) <= 4u && (pin) == PA(7) + (channel))
+#define REACHES_TIM8(channel, pin) ((channel) >= 1u && (channel) <= 4u && (pin) == PC(5) + (channel))
+#define REACHES_TIM3_1(pin)        ((pin) == PA(6) || (pin) == PB(4) || (pin) == PC(6))
+#define REACHES_TIM3_2(pin)        ((pin) == PA(7) || (pin) == PB(5) || (pin) == PC(7))
+#define REACHES_BRIDGE(timer, channel, pin)                                                                  \
+    (((timer) == 1u && REACHES_TIM1(channel, pin)) || ((timer) == 8u && REACHES_TIM8(channel, pin)))
+#define REACHES_ENCODER(timer, a, b)                                                                         \
+    (((timer) == 3u && REACHES_TIM3_1(a) && REACHES_TIM3_2(b)) ||                                            \
+     ((timer) == 4u && (a) == PB(6) && (b) == PB(7)))
+#define REACHES_ADC1(pin)                                                                                    \
+    ((pin) <= PA(7) || (pin) == PB(0) || (pin) == PB(1) || ((pin) >= PC(0) && (pin) <= PC(5)))
+
+_Static_assert(BOARD_LEFT_TIMER == 1u || BOARD_LEFT_TIMER == 8u,
+               "left bridge: TIM1 or TIM8, which have a break");
+_Static_assert(BOARD_RIGHT_TIMER == 1u || BOARD_RIGHT_TIMER == 8u,
+               "right bridge: TIM1 or TIM8, which have a break");
+_Static_assert(BOARD_LEFT_CHANNEL == 1u || BOARD_LEFT_CHANNEL == 3u, "left bridge: channels 1, 2 or 3, 4");
+_Static_assert(BOARD_RIGHT_CHANNEL == 1u || BOARD_RIGHT_CHANNEL == 3u, "right bridge: channels 1, 2 or 3, 4");
+_Static_assert(REACHES_BRIDGE(BOARD_LEFT_TIMER, BOARD_LEFT_CHANNEL, BOARD_LEFT_PIN_1),
+               "left bridge: the timer's channel does not come out on the first pin");
+_Static_assert(REACHES_BRIDGE(BOARD_LEFT_TIMER, BOARD_LEFT_CHANNEL + 1u, BOARD_LEFT_PIN_2),
+               "left bridge: the timer's channel does not come out on the second pin");
+_Static_assert(REACHES_BRIDGE(BOARD_RIGHT_TIMER, BOARD_RIGHT_CHANNEL, BOARD_RIGHT_PIN_1),
+               "right bridge: the timer's channel does not come out on the first pin");
+_Static_assert(REACHES_BRIDGE(BOARD_RIGHT_TIMER, BOARD_RIGHT_CHANNEL + 1u, BOARD_RIGHT_PIN_2),
+               "right bridge: the timer's channel does not come out on the second pin");
+_Static_assert(REACHES_BRIDGE(BOARD_ENABLE_TIMER, BOARD_ENABLE_CHANNEL, BOARD_ENABLE_PIN),
+               "driver enable: TIM1's or TIM8's channel does not come out on the pin");
+/* Two channels share a register, which either the bridges or the enable pin has to itself. */
+_Static_assert((BOARD_ENABLE_TIMER != BOARD_LEFT_TIMER ||
+                (BOARD_ENABLE_CHANNEL > 2u) != (BOARD_LEFT_CHANNEL > 2u)) &&
+                   (BOARD_ENABLE_TIMER != BOARD_RIGHT_TIMER ||
+                    (BOARD_ENABLE_CHANNEL > 2u) != (BOARD_RIGHT_CHANNEL > 2u)),
+               "driver enable: shares a pair of channels with a bridge");
+_Static_assert(BOARD_TIM1_BREAK_PIN == PB(12) || BOARD_TIM1_BREAK_PIN == PA(6),
+               "emergency stop: TIM1_BKIN is on PB12 or PA6");
+_Static_assert(BOARD_TIM8_BREAK_PIN == PA(6), "emergency stop: TIM8_BKIN is on PA6");
+_Static_assert(BOARD_ENABLE_TIMER == 8u || BOARD_LEFT_TIMER == 8u || BOARD_RIGHT_TIMER == 8u,
+               "emergency stop: TIM8 drives neither a bridge nor the enable pin");
+_Static_assert(BOARD_LEFT_ENCODER_TIMER != BOARD_RIGHT_ENCODER_TIMER, "encoders: one timer each");
+_Static_assert(REACHES_ENCODER(BOARD_LEFT_ENCODER_TIMER, BOARD_LEFT_ENCODER_A, BOARD_LEFT_ENCODER_B),
+               "left encoder: not channels 1 and 2 of TIM3 or TIM4");
+_Static_assert(REACHES_ENCODER(BOARD_RIGHT_ENCODER_TIMER, BOARD_RIGHT_ENCODER_A, BOARD_RIGHT_ENCODER_B),
+               "right encoder: not channels 1 and 2 of TIM3 or TIM4");
+_Static_assert(REACHES_ADC1(BOARD_BATTERY_PIN), "battery: the pin is no input of ADC1");
+_Static_assert((BOARD_SERIAL_TX == PB(10) && BOARD_SERIAL_RX == PB(11)) ||
+                   (BOARD_SERIAL_TX == PC(10) && BOARD_SERIAL_RX == PC(11)),
+               "serial port: USART3 is on PB10, PB11 or PC10, PC11");
+_Static_assert((BOARD_CAN_RX == PB(8) && BOARD_CAN_TX == PB(9)) ||
+                   (BOARD_CAN_RX == PA(11) && BOARD_CAN_TX == PA(12)),
+               "CAN: CAN1 is on PB8, PB9 or PA11, PA12");
+
+/* The PLL is given 2 MHz, and divides by a whole number (clock.c). RM0090 section 7.2.1: 4 to 26 MHz. */
+_Static_assert(BOARD_CRYSTAL_HZ >= 4000000u && BOARD_CRYSTAL_HZ <= 26000000u &&
+                   BOARD_CRYSTAL_HZ % 2000000u == 0u,
+               "crystal: an even number of MHz from 4 to 26");
+
+_Static_assert(sizeof BOARD_NAME <= 16u, "board's name: 15 characters at most");
+_Static_assert(BOARD_DRIVER == DRIVER_IN_IN || BOARD_DRIVER == DRIVER_PWM_DIR ||
+                   BOARD_DRIVER == DRIVER_PHASE_ENABLE,
+               "driver: DRIVER_IN_IN, DRIVER_PWM_DIR or DRIVER_PHASE_ENABLE");
+
+/* SWDIO and SWCLK stay the probe's. Bits that differ have a sum that is their union. */
+#define SUM_OF_PINS                                                                                          \
+    (PIN_BIT(PA(13)) + PIN_BIT(PA(14)) + PIN_BIT(BOARD_LEFT_PIN_1) + PIN_BIT(BOARD_LEFT_PIN_2) +             \
+     PIN_BIT(BOARD_RIGHT_PIN_1) + PIN_BIT(BOARD_RIGHT_PIN_2) + PIN_BIT(BOARD_ENABLE_PIN) +                   \
+     PIN_BIT(BOARD_TIM1_BREAK_PIN) + PIN_BIT(BOARD_TIM8_BREAK_PIN) + PIN_BIT(BOARD_LEFT_ENCODER_A) +         \
+     PIN_BIT(BOARD_LEFT_ENCODER_B) + PIN_BIT(BOARD_RIGHT_ENCODER_A) + PIN_BIT(BOARD_RIGHT_ENCODER_B) +       \
+     PIN_BIT(BOARD_BATTERY_PIN) + PIN_BIT(BOARD_SERIAL_TX) + PIN_BIT(BOARD_SERIAL_RX) +                      \
+     PIN_BIT(BOARD_CAN_RX) + PIN_BIT(BOARD_CAN_TX) + PIN_BIT(BOARD_LED))
+#define UNION_OF_PINS                                                                                        \
+    (PIN_BIT(PA(13)) | PIN_BIT(PA(14)) | PIN_BIT(BOARD_LEFT_PIN_1) | PIN_BIT(BOARD_LEFT_PIN_2) |             \
+     PIN_BIT(BOARD_RIGHT_PIN_1) | PIN_BIT(BOARD_RIGHT_PIN_2) | PIN_BIT(BOARD_ENABLE_PIN) |                   \
+     PIN_BIT(BOARD_TIM1_BREAK_PIN) | PIN_BIT(BOARD_TIM8_BREAK_PIN) | PIN_BIT(BOARD_LEFT_ENCODER_A) |         \
+     PIN_BIT(BOARD_LEFT_ENCODER_B) | PIN_BIT(BOARD_RIGHT_ENCODER_A) | PIN_BIT(BOARD_RIGHT_ENCODER_B) |       \
+     PIN_BIT(BOARD_BATTERY_PIN) | PIN_BIT(BOARD_SERIAL_TX) | PIN_BIT(BOARD_SERIAL_RX) |                      \
+     PIN_BIT(BOARD_CAN_RX) | PIN_BIT(BOARD_CAN_TX) | PIN_BIT(BOARD_LED))
+_Static_assert(SUM_OF_PINS == UNION_OF_PINS, "a pin is given twice, or is one of SWDIO and SWCLK");
+_Static_assert((UNION_OF_PINS & BOARD_FREE_PINS) == 0u, "a pin that is to stay free is given away");
+
+#endif
