@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, settings
 
 ROOT = Path(__file__).resolve().parent.parent
 IMAGE = ROOT / "build/stm32f405/firmware/truing-f405.elf"
+USB_IMAGE = ROOT / "build/stm32f405-usb/firmware/truing-f405-usb.elf"
 NATIVE_LIBRARY = ROOT / "build/host/hil_sim/libhil_sim.so"
 
 # A bare `pytest` keeps its caches inside the repository too, as `./run test` does.
@@ -48,6 +49,12 @@ def root() -> Path:
 def image() -> Path:
     """The image that is flashed."""
     return _built(IMAGE)
+
+
+@pytest.fixture(scope="session")
+def usb_image() -> Path:
+    """The image for the board whose USB pins are free."""
+    return _built(USB_IMAGE)
 
 
 @pytest.fixture(scope="session")

@@ -2,25 +2,15 @@
 #include "rig.h"
 
 #include "line_noise.h"
+#include "pin_map.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define PS_PER_US  1000000ULL
-#define STEP_PS    (PLANT_STEP_US * PS_PER_US)
-#define CRYSTAL_HZ 8000000U
-#define LINK_BAUD  921600.0
-#define DIVIDER    (1.0 / 11.0) /* 10 kOhm over 1 kOhm */
-
-/* Pins of the target board; the same table is in firmware/README.md for the wiring. */
-static const struct board_pin bridge_pins[RIG_WHEELS][2] = {{{'A', 8}, {'A', 9}}, {{'A', 10}, {'A', 11}}};
-static const struct board_pin encoder_pins[RIG_WHEELS][2] = {{{'B', 4}, {'B', 5}}, {{'B', 6}, {'B', 7}}};
-static const struct board_pin battery_pin = {'A', 4};
-static const struct board_pin led_pin = {'C', 12};
-/* Emergency stop: a contact to ground, wired to the break inputs of both timers. */
-static const struct board_pin stop_pins[] = {{'B', 12}, {'A', 6}};
-static const struct board_pin enable_pin = {'C', 6};
+#define PS_PER_US 1000000ULL
+#define STEP_PS   (PLANT_STEP_US * PS_PER_US)
+#define LINK_BAUD 921600.0
 
 /* Even a wheel at rest is polled this often, in plant steps: a tenth of a second. */
 #define MAX_QUIET_STEPS 2000.0
@@ -33,6 +23,7 @@ struct sent_byte {
 struct rig {
     struct board *board;
     struct plant *plant;
+    const struct pin_map *map;
     uint64_t plant_steps;
     double duty[RIG_WHEELS][2];
     double led, enable;
@@ -61,38 +52,37 @@ static void advance_plant(struct rig *r, uint64_t time_ps)
     r->plant_steps = steps > r->plant_steps ? steps : r->plant_steps;
 }
 
-/* An undriven pin is held low by the bridge's own pull-down. */
-static double high_fraction(double duty)
-{
-    return duty < 0 ? 0 : duty;
-}
-
 static void drive_bridges(struct rig *r)
 {
     for (int wheel = 0; r->plant != NULL && wheel < RIG_WHEELS; wheel++) {
         const double *duty = r->duty[r->swapped ? 1 - wheel : wheel];
         bool connected = r->motor_connected[wheel] && (!r->enable_wired || r->enable > 0);
-        plant_set_bridge(r->plant, wheel, connected ? high_fraction(duty[0]) : 0,
-                         connected ? high_fraction(duty[1]) : 0);
+        double in_in[2];
+        driver_to_bridge(r->map->driver, duty, in_in);
+        plant_set_bridge(r->plant, wheel, connected ? in_in[0] : 0, connected ? in_in[1] : 0);
     }
+}
+
+static bool same_pin(struct board_pin one, struct board_pin other)
+{
+    return one.port == other.port && one.number == other.number;
 }
 
 static void pin_driven(void *context, struct board_pin pin, double duty, uint64_t time_ps)
 {
     struct rig *r = context;
-    if (pin.port == led_pin.port && pin.number == led_pin.number) {
+    if (same_pin(pin, r->map->led)) {
         r->led = duty;
         return;
     }
-    if (pin.port == enable_pin.port && pin.number == enable_pin.number) {
+    if (same_pin(pin, r->map->enable)) {
         r->enable = duty;
         advance_plant(r, time_ps);
         drive_bridges(r);
         return;
     }
     for (int i = 0; i < 2 * RIG_WHEELS; i++) {
-        const struct board_pin *p = &bridge_pins[i / 2][i % 2];
-        if (p->port == pin.port && p->number == pin.number) {
+        if (same_pin(pin, r->map->bridge[i / 2][i % 2])) {
             r->duty[i / 2][i % 2] = duty;
             advance_plant(r, time_ps);
             drive_bridges(r);
@@ -177,7 +167,7 @@ static uint64_t encoder_quiet_until(void *context, int encoder, uint64_t time_ps
 static double pin_voltage(void *context, struct board_pin pin, uint64_t time_ps)
 {
     struct rig *r = context;
-    if (pin.port != battery_pin.port || pin.number != battery_pin.number) {
+    if (!same_pin(pin, r->map->battery)) {
         return 0;
     }
     advance_plant(r, time_ps);
@@ -185,9 +175,9 @@ static double pin_voltage(void *context, struct board_pin pin, uint64_t time_ps)
         return 0; /* the lower resistor pulls the pin down */
     }
     if (r->bench_v >= 0) {
-        return r->bench_v * DIVIDER;
+        return r->bench_v * r->map->divider;
     }
-    return r->plant == NULL ? 0 : plant_battery_v(r->plant) * DIVIDER;
+    return r->plant == NULL ? 0 : plant_battery_v(r->plant) * r->map->divider;
 }
 
 static bool grow_sent(struct rig *r)
@@ -229,14 +219,16 @@ static bool usart_noise(void *context, int usart, uint64_t time_ps)
 }
 
 struct rig *rig_create(const struct plant_params *robot, uint64_t seed, const uint8_t unique_id[12],
-                       bool crystal_alive)
+                       bool crystal_alive, enum rig_target target)
 {
-    struct rig *r = calloc(1, sizeof *r);
+    const struct pin_map *map = pin_map_of(target);
+    struct rig *r = map == NULL ? NULL : calloc(1, sizeof *r);
     if (r == NULL) {
         return NULL;
     }
+    r->map = map;
     struct board_options options = {.seed = seed,
-                                    .crystal_hz = CRYSTAL_HZ,
+                                    .crystal_hz = map->crystal_hz,
                                     .wires = {r, pin_driven, encoder_position, encoder_noise,
                                               encoder_quiet_until, pin_voltage, usart_sent, usart_noise}};
     memcpy(options.unique_id, unique_id, sizeof options.unique_id);
@@ -254,13 +246,13 @@ struct rig *rig_create(const struct plant_params *robot, uint64_t seed, const ui
     board_set_crystal(r->board, crystal_alive);
     for (int wheel = 0; wheel < RIG_WHEELS; wheel++) {
         r->motor_connected[wheel] = true;
-        board_wire_encoder(r->board, wheel, encoder_pins[wheel][0], encoder_pins[wheel][1]);
-        board_watch_pin(r->board, bridge_pins[wheel][0]);
-        board_watch_pin(r->board, bridge_pins[wheel][1]);
+        board_wire_encoder(r->board, wheel, map->encoder[wheel][0], map->encoder[wheel][1]);
+        board_watch_pin(r->board, map->bridge[wheel][0]);
+        board_watch_pin(r->board, map->bridge[wheel][1]);
         r->duty[wheel][0] = r->duty[wheel][1] = -1;
     }
-    board_watch_pin(r->board, led_pin);
-    board_watch_pin(r->board, enable_pin);
+    board_watch_pin(r->board, map->led);
+    board_watch_pin(r->board, map->enable);
     rig_emergency_stop(r, false);
     drive_bridges(r);
     return r;
@@ -500,8 +492,8 @@ void rig_cut_off_battery(struct rig *rig, bool cut_off)
 
 void rig_emergency_stop(struct rig *rig, bool pressed)
 {
-    for (size_t i = 0; i < sizeof stop_pins / sizeof stop_pins[0]; i++) {
-        board_set_pin(rig->board, stop_pins[i], pressed ? BOARD_OPEN : BOARD_LOW);
+    for (size_t i = 0; i < sizeof rig->map->stop / sizeof rig->map->stop[0]; i++) {
+        board_set_pin(rig->board, rig->map->stop[i], pressed ? BOARD_OPEN : BOARD_LOW);
     }
 }
 
@@ -522,7 +514,7 @@ void rig_crystal_hz(struct rig *rig, uint32_t hz)
 
 void rig_crystal_ppm(struct rig *rig, double ppm)
 {
-    board_set_crystal_hz(rig->board, (uint32_t)lround(CRYSTAL_HZ * (1.0 + ppm * 1e-6)));
+    board_set_crystal_hz(rig->board, (uint32_t)lround(rig->map->crystal_hz * (1.0 + ppm * 1e-6)));
 }
 
 void rig_power(struct rig *rig, bool on)

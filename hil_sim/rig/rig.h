@@ -9,6 +9,7 @@
 #include "../board/board.h"
 #include "../plant/plant.h"
 #include "encoder_noise.h"
+#include "target.h"
 
 #pragma GCC visibility push(default)
 
@@ -25,10 +26,11 @@ enum rig_encoder_fault {
 
 struct rig;
 
-/* Robot NULL: none is connected (encoders rest, battery terminals dead unless battery_v says otherwise).
-   Returns NULL when the robot's parameters are bad or the CPU engine cannot be opened. */
+/* The chip as it is soldered on `target`. Robot NULL: none is connected (encoders rest, battery terminals
+   dead unless battery_v says otherwise). Returns NULL when the robot's parameters are bad or the CPU engine
+   cannot be opened. */
 struct rig *rig_create(const struct plant_params *robot, uint64_t seed, const uint8_t unique_id[12],
-                       bool crystal_alive);
+                       bool crystal_alive, enum rig_target target);
 void rig_destroy(struct rig *rig);
 
 struct board *rig_board(struct rig *rig);

@@ -16,3 +16,11 @@ def robot(image: Path, native_library: Path) -> Iterator[VirtualRobot]:
     with VirtualRobot(image) as fresh:
         fresh.run_us(300_000)
         yield fresh
+
+
+@pytest.fixture(params=["olimex_h405", "f405_usb"])
+def each_image(request: pytest.FixtureRequest) -> Path:
+    """The image of each board, for what a board's wiring decides: a test module makes it its `image`."""
+    name = {"olimex_h405": "image", "f405_usb": "usb_image"}[request.param]
+    path: Path = request.getfixturevalue(name)
+    return path

@@ -18,6 +18,12 @@ ENDLESS = struct.pack("<H", 0xE7FE)  # b .
 UNDEFINED = struct.pack("<H", 0xDE00)  # udf #0
 
 
+@pytest.fixture
+def image(each_image: Path) -> Path:
+    """Each board wires bridges, enable pin and break inputs in its own way."""
+    return each_image
+
+
 def driving(robot: VirtualRobot) -> Device:
     device = host(robot)
     device.set_effort(0.5, 0.5)

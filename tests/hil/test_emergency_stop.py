@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from pathlib import Path
 
 import pytest
 
@@ -11,6 +12,12 @@ from support.driving import BRAKE, bridges, host
 from truing.errors import Refused
 
 UNDEFINED = struct.pack("<H", 0xDE00)  # udf #0
+
+
+@pytest.fixture
+def image(each_image: Path) -> Path:
+    """Each board wires bridges, enable pin and break inputs in its own way."""
+    return each_image
 
 
 @pytest.mark.parametrize("at_us", range(0, 1000, 130))

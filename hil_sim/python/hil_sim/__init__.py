@@ -12,6 +12,7 @@ from hil_sim.robot import (
     EncoderNoise,
     ExceptionCost,
     ResetCause,
+    Target,
     VirtualRobot,
     VirtualRobotError,
 )
@@ -33,6 +34,7 @@ __all__ = [
     "PlantState",
     "ResetCause",
     "RobotParameters",
+    "Target",
     "UnmodelledEffects",
     "VirtualCanBus",
     "VirtualRobot",

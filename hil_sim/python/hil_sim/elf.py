@@ -17,6 +17,9 @@ _SYMBOL = struct.Struct("<IIIBBH")
 _MACHINE_ARM = 40
 _SEGMENT_LOAD = 1
 _SECTION_SYMBOLS = 2
+_FLASH_START = 0x0800_0000
+_VECTORS = 4 * (16 + 82)  # RM0090 table 61
+_NAME_LENGTH = 64
 _KINDS = (0, 1, 2)  # no type, object, function
 
 
@@ -37,6 +40,13 @@ class Image:
     path: Path
     segments: tuple[tuple[int, bytes], ...]
     symbols: dict[str, tuple[int, int]] = field(repr=False)
+
+    @property
+    def name(self) -> str:
+        """The first word of what stands behind the vector table; empty where that is no text."""
+        address, content = self.segments[0]
+        word = content[_VECTORS:][:_NAME_LENGTH].split(b"\0")[0].split(b" ")[0]
+        return word.decode() if address == _FLASH_START and word.isascii() else ""
 
     @staticmethod
     def load(path: Path) -> Image:

@@ -53,6 +53,23 @@ class ResetCause(enum.IntEnum):
     WATCHDOG = _CONSTANTS["BOARD_RESET_WATCHDOG"]
 
 
+class Target(enum.IntEnum):
+    """Boards that a chip is soldered on: other pins, motor drivers, crystal, divider (`rig/pin_map.c`)."""
+
+    OLIMEX_H405 = _CONSTANTS["RIG_TARGET_OLIMEX_H405"]
+    F405_USB = _CONSTANTS["RIG_TARGET_F405_USB"]
+    PWM_DIR = _CONSTANTS["RIG_TARGET_PWM_DIR"]
+    PHASE_ENABLE = _CONSTANTS["RIG_TARGET_PHASE_ENABLE"]
+
+
+_TARGETS = {
+    "truing-f405": Target.OLIMEX_H405,
+    "truing-f405-usb": Target.F405_USB,
+    "truing-f405-pwm": Target.PWM_DIR,
+    "truing-f405-phase": Target.PHASE_ENABLE,
+}
+
+
 class EncoderFault(enum.IntEnum):
     """Faults of an encoder's plug or disc."""
 
@@ -142,15 +159,17 @@ class VirtualRobot(Simulated):
     robot : its numbers; the paper's robot when left out.
     seed : decides noise, SRAM content at power-on and random numbers; the same seed gives the same run.
     board_id : the chip's 12-byte unique id.
-    crystal : whether the 8 MHz crystal starts.
-    crystal_ppm : how much faster than 8 MHz it is, in steps of 0.125; within 500 either way.
+    crystal : whether the crystal starts.
+    crystal_ppm : how much faster than the nominal 8 MHz (or 12) it is, in whole hertz; within 500 either way.
     oscillators : all three frequencies, instead of `crystal_ppm`; nominal when left out.
     option_bytes : FLASH_OPTCR as the chip loads it, without its lock.
     connected : False leaves the board alone on the bench: no motors, encoders or battery.
+    target : the board; the one that the image is named for, or the first where it has no name, when left out.
     library : another build of the native library.
 
     Attributes
     ----------
+    target : the board.
     can_bus : the CAN bus that the board is plugged into (`VirtualCanBus.attach`), or None.
 
     Raises
@@ -172,6 +191,7 @@ class VirtualRobot(Simulated):
         oscillators: Oscillators | None = None,
         connected: bool = True,
         option_bytes: int = OPTION_BYTES,
+        target: Target | None = None,
         library: Path | None = None,
     ) -> None:
         self._rig: int | None = None
@@ -188,7 +208,10 @@ class VirtualRobot(Simulated):
         if problem is not None:
             raise VirtualRobotError(problem)
         parameters = ctypes.byref(params_of(self.robot)) if connected else None
-        self._rig = self._library.rig_create(parameters, seed & (2**64 - 1), board_id, crystal)
+        if target is None:
+            target = _TARGETS.get(self.image.name, Target.OLIMEX_H405)
+        self.target = target
+        self._rig = self._library.rig_create(parameters, seed & (2**64 - 1), board_id, crystal, target)
         if self._rig is None:
             raise VirtualRobotError("the CPU engine of the virtual board does not start")
         self._board: int = self._library.rig_board(self._rig)

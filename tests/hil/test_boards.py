@@ -1,0 +1,115 @@
+"""Each board drives, counts and measures on its own pins, and its header may not say what cannot be."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from hil_sim import Target, VirtualRobot
+from support.driving import BRAKE, bridges, host
+
+CHIP = "firmware/stm32f405"
+COMPILER = ["arm-none-eabi-gcc", "-std=c11", "-fsyntax-only", "-mcpu=cortex-m4", "-xc", "-I."]
+
+
+@pytest.fixture
+def image(each_image: Path) -> Path:
+    """The image of each board."""
+    return each_image
+
+
+def test_each_wheel_turns_the_way_it_is_told_and_its_own_encoder_counts(robot: VirtualRobot) -> None:
+    device = host(robot)
+    assert device.info.clock_source == "crystal_pll"
+    for left, right in ((0.5, 0.0), (0.0, 0.5), (-0.5, 0.0), (0.0, -0.5)):
+        before = device.status().counts
+        for _ in range(4):
+            device.set_effort(left, right)
+            robot.run_us(100_000)
+        moved = [now - then for now, then in zip(device.status().counts, before, strict=True)]
+        device.stop()
+        robot.run_us(400_000)
+        driven, braked = moved if left else reversed(moved)
+        assert driven * (left + right) > 200, moved
+        assert abs(braked) < abs(driven) / 4, moved  # the chassis turns it a little
+    assert robot.warnings() == []
+
+
+def test_the_supply_is_measured_through_the_boards_own_divider(robot: VirtualRobot) -> None:
+    device = host(robot)
+    for volts in (7.0, 12.6, 25.0):
+        robot.set_bench_voltage(volts)
+        robot.run_us(10_000)
+        assert device.status().battery_v == pytest.approx(volts, abs=0.01)
+
+
+def test_stop_and_a_silent_host_brake_both_bridges(robot: VirtualRobot) -> None:
+    device = host(robot)
+    device.set_effort(0.5, -0.5)
+    robot.run_us(100_000)
+    assert bridges(robot)[0] != BRAKE[0]
+    assert bridges(robot)[1] != BRAKE[1]
+    device.stop()
+    assert bridges(robot) == BRAKE
+    device.set_effort(0.5, -0.5)
+    robot.run_us(510_000)
+    assert bridges(robot) == BRAKE
+    assert [fault.name for fault in device.status().latched] == ["host_silent"]
+
+
+def test_another_boards_image_finds_another_crystal_and_says_so(image: Path, native_library: Path) -> None:
+    other = {Target.OLIMEX_H405: Target.F405_USB, Target.F405_USB: Target.OLIMEX_H405}
+    with VirtualRobot(image) as own:
+        target = other[own.target]
+    with VirtualRobot(image, target=target) as robot:
+        robot.run_us(300_000)
+        assert robot.stats().cpu_hz == 158_000_000
+
+
+def compile_board(root: Path, folder: Path, old: str, new: str) -> str:
+    """What the compiler says of a board's header in which one thing is said otherwise."""
+    text = (root / CHIP / "boards/f405_usb.h").read_text()
+    assert text.count(old) == 1
+    header = folder / "board.h"
+    header.write_text(text.replace(old, new))
+    run = subprocess.run(
+        [*COMPILER, f'-DTRUING_BOARD_HEADER="{header}"', "-"],
+        input='#include "wiring.h"\n',
+        cwd=root / CHIP,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return run.stderr
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("PB(8)", "PB(8)", ""),
+        ("BOARD_LED       PC(13)", "BOARD_LED PC(8)", "a pin is given twice"),
+        ("BOARD_LED       PC(13)", "BOARD_LED PA(13)", "a pin is given twice, or is one of SWDIO"),
+        ("BOARD_LED       PC(13)", "BOARD_LED PA(12)", "a pin that is to stay free"),
+        ("BOARD_RIGHT_PIN_2   PC(7)", "BOARD_RIGHT_PIN_2 PC(9)", "right bridge: .* second pin"),
+        ("BOARD_LEFT_CHANNEL  1u", "BOARD_LEFT_CHANNEL 3u", "left bridge: .* first pin"),
+        ("BOARD_LEFT_TIMER    1u", "BOARD_LEFT_TIMER 2u", "TIM1 or TIM8, which have a break"),
+        ("BOARD_ENABLE_PIN     PC(8)", "BOARD_ENABLE_PIN PB(0)", "driver enable: .* on the pin"),
+        ("BOARD_LEFT_ENCODER_A      PB(6)", "BOARD_LEFT_ENCODER_A PA(0)", "left encoder"),
+        ("BOARD_TIM8_BREAK_PIN PA(6)", "BOARD_TIM8_BREAK_PIN PB(13)", "TIM8_BKIN is on PA6"),
+        ("BOARD_BATTERY_PIN       PC(0)", "BOARD_BATTERY_PIN PB(2)", "no input of ADC1"),
+        ("BOARD_SERIAL_TX PC(10)", "BOARD_SERIAL_TX PA(2)", "USART3 is on"),
+        ("12000000u", "11000000u", "even number of MHz"),
+    ],
+)
+def test_a_header_that_the_chip_cannot_follow_does_not_compile(
+    root: Path, tmp_path: Path, old: str, new: str, complaint: str
+) -> None:
+    said = compile_board(root, tmp_path, old, new)
+    if complaint:
+        assert "static assertion failed" in said
+        assert re.search(complaint, said), said
+    else:
+        assert said == ""
