@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -58,6 +61,23 @@ def test_stop_and_a_silent_host_brake_both_bridges(robot: VirtualRobot) -> None:
     robot.run_us(510_000)
     assert bridges(robot) == BRAKE
     assert [fault.name for fault in device.status().latched] == ["host_silent"]
+
+
+def test_info_and_check_name_the_board_and_check_finds_nothing_wrong(
+    image: Path, native_library: Path
+) -> None:
+    name = {"truing-f405": "stm32f405", "truing-f405-usb": "stm32f405-usb"}[image.stem]
+    for command in (["info"], ["check", "--yes"]):
+        run = subprocess.run(
+            [sys.executable, "-m", "truing", "--port", "sim", *command, "--json"],
+            env={**os.environ, "TRUING_IMAGE": str(image)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        said = json.loads(run.stdout)
+        assert (said["board"]["board_name"] if command == ["info"] else said["board"]) == name
+    assert said["findings"] == []
 
 
 def test_another_boards_image_finds_another_crystal_and_says_so(image: Path, native_library: Path) -> None:

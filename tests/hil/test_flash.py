@@ -113,6 +113,22 @@ def test_another_chip_is_refused_by_its_id_and_nothing_is_written(rom_path: str)
         assert loader.erased == []
 
 
+def test_a_board_that_holds_another_boards_image_is_refused_unless_it_is_said_to_be_right(
+    image: Path, usb_image: Path, whole: Image, rom_path: str
+) -> None:
+    with RomLoader() as loader:
+        for part in whole.parts:
+            loader.flash[part.address - FLASH : part.end - FLASH] = part.data
+        way: tuple[str | Path, ...] = (usb_image, "--with", "stm32flash", "--port", loader.path)
+        done = flash(*way, path=rom_path)
+        assert done.returncode == 1
+        assert "is for truing-f405-usb (USB pins free, right bridge on TIM8, 12 MHz)" in done.stderr
+        assert "this board holds the image of truing-f405 (Olimex STM32-H405, 8 MHz)" in done.stderr
+        assert loader.erased == []
+        assert flash(*way, "--other-board", path=rom_path).returncode == 0
+        assert held(loader.flash, read_image(usb_image))
+
+
 def test_a_loader_that_does_not_answer_is_told_with_what_to_check(rom_path: str) -> None:
     with RomLoader() as loader:
         loader.stop()

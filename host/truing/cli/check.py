@@ -51,6 +51,8 @@ def command(app: App, do_fix: bool, yes: bool, form_path: Path | None) -> None:
 
     begun = read_form(form_path) if form_path is not None and form_path.exists() else None
     with app.open_device() as device:
+        board = device.info.board_name
+        app.note(f"board: {board}, firmware {device.info.firmware_version}, on {device.info.port}")
         if begun is not None:
             _check_same_board(device, begun, form_path)
         hand = _hand(app, device, yes, needed=form_path is None)
@@ -58,7 +60,7 @@ def command(app: App, do_fix: bool, yes: bool, form_path: Path | None) -> None:
         fixed = fix(device, result) if do_fix and result is not None else []
         done = None if form_path is None else _fill(app, device, form_path, begun, result)
     seen = {} if result is None else asdict(result)
-    app.emit({**seen, "fixed": fixed, **({} if done is None else {"form": done})})
+    app.emit({"board": board, **seen, "fixed": fixed, **({} if done is None else {"form": done})})
     if result is not None:
         _say_findings(app, result, fixed)
     if done is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -15,11 +15,12 @@ _NAME_LENGTH = 64
 
 @dataclass(frozen=True, slots=True)
 class Chip:
-    """A chip that truing has an image for.
+    """A chip, as it is soldered on one board, that truing has an image for.
 
     Parameters
     ----------
-    image_name : what its images carry behind their vectors.
+    image_name : what the board's images carry behind their vectors.
+    board : what tells the board from others with that chip.
     device_id : DBGMCU_IDCODE bits 11 to 0, and what the ROM loader reports (RM0090 38.6.1, AN2606).
     vectors : words of the vector table, the initial stack pointer included.
     memories : address and size of what the stack may lie in.
@@ -27,6 +28,7 @@ class Chip:
     """
 
     image_name: str
+    board: str
     title: str
     device_id: int
     flash: tuple[int, int]
@@ -35,16 +37,20 @@ class Chip:
     kept: tuple[int, int]
 
 
+_H405 = Chip(
+    image_name="truing-f405",
+    board="Olimex STM32-H405, 8 MHz",
+    title="STM32F405",
+    device_id=0x413,
+    flash=(0x0800_0000, 1 << 20),
+    vectors=16 + 82,
+    memories=((0x2000_0000, 128 << 10), (0x1000_0000, 64 << 10)),
+    kept=(0x0800_4000, 0x0800_C000),
+)
+
 CHIPS = (
-    Chip(
-        image_name="truing-f405",
-        title="STM32F405",
-        device_id=0x413,
-        flash=(0x0800_0000, 1 << 20),
-        vectors=16 + 82,
-        memories=((0x2000_0000, 128 << 10), (0x1000_0000, 64 << 10)),
-        kept=(0x0800_4000, 0x0800_C000),
-    ),
+    _H405,
+    replace(_H405, image_name="truing-f405-usb", board="USB pins free, right bridge on TIM8, 12 MHz"),
 )
 
 
@@ -86,7 +92,7 @@ def read_image(path: Path) -> Image:
     parts = _parts(path)
     vectors = parts[0]
     for chip in CHIPS:
-        found = vectors.data[4 * chip.vectors :][:_NAME_LENGTH].split(b"\0")[0]
+        found = _text(vectors.data[4 * chip.vectors :])
         if vectors.address == chip.flash[0] and found.startswith(chip.image_name.encode() + b" "):
             problem = _problem(chip, parts)
             if problem:
@@ -97,6 +103,21 @@ def read_image(path: Path) -> Image:
     carried = _name_anywhere(parts)
     what = f"is an image named {carried!r}" if carried else "carries no name behind its vectors"
     raise FileError(path, f"{what}; truing flashes {known}", _NEXT)
+
+
+def name_place(chip: Chip) -> tuple[int, int]:
+    """Address and size of what holds the name of an image in a chip's flash."""
+    return chip.flash[0] + 4 * chip.vectors, _NAME_LENGTH
+
+
+def name_held(behind_vectors: bytes) -> str:
+    """The name of the image in a chip's flash, without its version; empty where it is none of truing's."""
+    name = _text(behind_vectors).decode("ascii", "replace").partition(" ")[0]
+    return name if name.startswith("truing-") else ""
+
+
+def _text(data: bytes) -> bytes:
+    return data[:_NAME_LENGTH].split(b"\0")[0]
 
 
 def _parts(path: Path) -> list[Part]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from truing.errors import FlashError
-from truing.flash.image import Image, Part
+from truing.flash.image import CHIPS, Image, Part, name_held, name_place
 from truing.flash.tools import ChipSeen, Tool
 from truing.progress import Progress, ignore_progress
 
@@ -56,6 +56,26 @@ def check_chip(image: Image, seen: ChipSeen) -> None:
             f"{image.path.name} needs {-(-needed >> 10)} KiB of flash, and this chip has {seen.flash_kib}; "
             "nothing was written"
         )
+
+
+def check_board(tool: Tool, image: Image) -> None:
+    """Refuse a chip that holds the image of another board: on other pins, this one would move what it likes.
+
+    A chip without an image of truing, or one whose flashing was cut off, does not say what it is soldered to.
+
+    Raises
+    ------
+    FlashError : another board.
+    """
+    held = name_held(tool.read(*name_place(image.chip)))
+    if held in ("", image.chip.image_name):
+        return
+    boards = {chip.image_name: f"{chip.image_name} ({chip.board})" for chip in CHIPS}
+    raise FlashError(
+        f"{image.path.name} is for {boards[image.chip.image_name]}, and this board holds the image of "
+        f"{boards.get(held, held)}; nothing was written",
+        "name that board's image, or give --other-board if the chip is wired as this one needs it",
+    )
 
 
 def write_image(
