@@ -57,6 +57,13 @@ def usb_image() -> Path:
     return _built(USB_IMAGE)
 
 
+@pytest.fixture(scope="session", params=["pwm-dir", "phase-enable"])
+def other_driver_image(request: pytest.FixtureRequest) -> Path:
+    """The first board's image for motor drivers of each other kind."""
+    name = f"stm32f405-{request.param}"
+    return _built(ROOT / "build" / name / "firmware" / f"truing-f405-{request.param.split('-')[0]}.elf")
+
+
 @pytest.fixture(scope="session")
 def native_library() -> Path:
     """The virtual robot: board, plant and the wires between them."""

@@ -1,10 +1,13 @@
-/* Drives two H-bridges with IN/IN inputs (DRV8871 class) from TIM1, TIM8 or both at 20 kHz, in slow decay.
+/* Drives two H-bridges from TIM1, TIM8 or both at 20 kHz, in slow decay, through drivers of three kinds.
  *
- *   IN1 and IN2 low: coast, then sleep. In a reset and before power-up: the pins float, and the driver's
- *       pull-downs hold them.
+ * IN/IN (DRV8871 class):
+ *   both low: coast, then sleep. In a reset and before power-up: the pins float, and the driver's pull-downs
+ *       hold them.
  *   IN1 high, IN2 low: forward. The driven part of each period at positive effort.
  *   IN1 low, IN2 high: reverse. The driven part of each period at negative effort.
- *   IN1 and IN2 high: brake. The rest of each period, zero effort, and every fault.
+ *   both high: brake. The rest of each period, zero effort, and every fault.
+ * PWM and direction (MD10C class): PWM is high for the driven part, and low brakes; direction low is forward.
+ * Enable and phase (DRV8838, DRV8876 class): the same, but phase high is forward.
  *
  * Slow decay (drive and brake in turn) makes mean voltage, and so speed, linear in effort; drive and coast
  * would let the current decay to zero at small efforts. Idle is brake, for the same reason that zero effort
@@ -35,6 +38,11 @@ enum { EFFORT_FULL_E4 = 10000 };
     ((BOARD_LEFT_TIMER == (timer) && BOARD_LEFT_CHANNEL == (first)) ||                                       \
      (BOARD_RIGHT_TIMER == (timer) && BOARD_RIGHT_CHANNEL == (first)))
 
+/* Idle levels that brake, of a pair's channels from 0: both inputs high, or PWM low whatever the direction.
+ */
+#define IDLE_LEVELS(channel)                                                                                 \
+    (BOARD_DRIVER == DRIVER_IN_IN ? TIM_CR2_OIS(channel) | TIM_CR2_OIS((channel) + 1u) : 0u)
+
 /* MODER's two bits of a pin. */
 #define MODE(pin, mode) ((uint32_t)(mode) << (2u * ((pin) % 16u)))
 
@@ -51,8 +59,15 @@ static void set_bridge(uint32_t wheel, int32_t effort_e4)
     }
     const uint32_t magnitude = (uint32_t)(effort_e4 < 0 ? -effort_e4 : effort_e4);
     const uint32_t driven = (magnitude * period + EFFORT_FULL_E4 / 2u) / EFFORT_FULL_E4;
-    const uint32_t first = effort_e4 < 0 ? period - driven : period;
-    const uint32_t second = effort_e4 > 0 ? period - driven : period;
+    uint32_t first;
+    uint32_t second;
+    if (BOARD_DRIVER == DRIVER_IN_IN) {
+        first = effort_e4 < 0 ? period - driven : period;
+        second = effort_e4 > 0 ? period - driven : period;
+    } else { /* the second input is a level, of a channel that turns over with the first at the next period */
+        first = driven;
+        second = (effort_e4 < 0) == (BOARD_DRIVER == DRIVER_PWM_DIR) ? period : 0u;
+    }
     if (BRIDGES_ON_ONE_TIMER && BOARD_LEFT_CHANNEL < BOARD_RIGHT_CHANNEL) {
         LEFT_TIMER->ccr[2u * wheel] = first;
         LEFT_TIMER->ccr[2u * wheel + 1u] = second;
@@ -77,12 +92,12 @@ static inline void start_timer(uint32_t number)
     timer->arr = period - 1u;
     if (PAIR_USED(number, 1u)) {
         timer->ccmr1 = (TIM_CCMR_PWM1 | TIM_CCMR_PRELOAD) * 0x0101u;
-        idle |= TIM_CR2_OIS(0u) | TIM_CR2_OIS(1u);
+        idle |= IDLE_LEVELS(0u);
         enabled |= TIM_CCER_ENABLE(0u) | TIM_CCER_ENABLE(1u);
     }
     if (PAIR_USED(number, 3u)) {
         timer->ccmr2 = (TIM_CCMR_PWM1 | TIM_CCMR_PRELOAD) * 0x0101u;
-        idle |= TIM_CR2_OIS(2u) | TIM_CR2_OIS(3u);
+        idle |= IDLE_LEVELS(2u);
         enabled |= TIM_CCER_ENABLE(2u) | TIM_CCER_ENABLE(3u);
     }
     for (uint32_t wheel = 0; wheel < HAL_WHEELS; wheel++) {

@@ -15,6 +15,8 @@
 #define REACHES_ADC1(pin)                                                                                    \
     ((pin) <= PA(7) || (pin) == PB(0) || (pin) == PB(1) || ((pin) >= PC(0) && (pin) <= PC(5)))
 
+/* What is compared are a header's numbers: that they agree is the point.
+ * NOLINTBEGIN(misc-redundant-expression) */
 _Static_assert(BOARD_LEFT_TIMER == 1u || BOARD_LEFT_TIMER == 8u,
                "left bridge: TIM1 or TIM8, which have a break");
 _Static_assert(BOARD_RIGHT_TIMER == 1u || BOARD_RIGHT_TIMER == 8u,
@@ -82,5 +84,7 @@ _Static_assert(BOARD_DRIVER == DRIVER_IN_IN || BOARD_DRIVER == DRIVER_PWM_DIR ||
      PIN_BIT(BOARD_CAN_RX) | PIN_BIT(BOARD_CAN_TX) | PIN_BIT(BOARD_LED))
 _Static_assert(SUM_OF_PINS == UNION_OF_PINS, "a pin is given twice, or is one of SWDIO and SWCLK");
 _Static_assert((UNION_OF_PINS & BOARD_FREE_PINS) == 0u, "a pin that is to stay free is given away");
+
+/* NOLINTEND(misc-redundant-expression) */
 
 #endif

@@ -2,13 +2,16 @@
 #ifndef OLIMEX_H405_H
 #define OLIMEX_H405_H
 
-#define BOARD_NAME  "stm32f405"   /* in HELLO; 15 characters at most */
-#define BOARD_IMAGE "truing-f405" /* what the image is called, and carries behind its vectors */
+/* The same board with other drivers has a header of its own, which names it and includes this one. */
+#ifndef BOARD_NAME
+#define BOARD_NAME   "stm32f405"   /* in HELLO; 15 characters at most */
+#define BOARD_IMAGE  "truing-f405" /* what the image is called, and carries behind its vectors */
+#define BOARD_DRIVER DRIVER_IN_IN
+#endif
 
 #define BOARD_CRYSTAL_HZ 8000000u
 
 /* Two channels of one timer for each bridge, the first of them 1 or 3. */
-#define BOARD_DRIVER         DRIVER_IN_IN
 #define BOARD_LEFT_TIMER     1u
 #define BOARD_LEFT_CHANNEL   1u
 #define BOARD_LEFT_PIN_1     PA(8)

@@ -50,6 +50,8 @@ _H405 = Chip(
 
 CHIPS = (
     _H405,
+    replace(_H405, image_name="truing-f405-pwm", board="Olimex STM32-H405, drivers with PWM and direction"),
+    replace(_H405, image_name="truing-f405-phase", board="Olimex STM32-H405, drivers with enable and phase"),
     replace(_H405, image_name="truing-f405-usb", board="USB pins free, right bridge on TIM8, 12 MHz"),
 )
 
