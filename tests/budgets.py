@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from elftools.elf.elffile import ELFFile
@@ -20,6 +20,8 @@ from support.busy_board import LOG_RATE_HZ, SYSTICK, Costs, measure
 ROOT = Path(__file__).resolve().parents[1]
 BUILD = ROOT / "build" / "stm32f405"
 IMAGE = BUILD / "firmware" / "truing-f405.elf"
+USB_BUILD = ROOT / "build" / "stm32f405-usb"
+USB_IMAGE = USB_BUILD / "firmware" / "truing-f405-usb.elf"
 CHIP = ROOT / "firmware" / "stm32f405"
 TABLE = ROOT / "firmware" / "BUDGETS.md"
 DIGITS = 3
@@ -94,8 +96,8 @@ def memory(image: Path) -> list[Budget]:
     ]
 
 
-def stack(seen: int) -> list[Budget]:
-    image = stack_depth.Image(IMAGE, BUILD)
+def stack(image_path: Path, build: Path, seen: int) -> list[Budget]:
+    image = stack_depth.Image(image_path, build)
     worst = stack_depth.worst(image, CHIP)
     reserved = image.values["__stack_top"] - image.values["__stack_limit"]
     below = worst.size - sum(level.size for level in worst.levels)
@@ -141,8 +143,8 @@ HANDLERS = {
 FIRST_INTERRUPT = 16
 
 
-def times(costs: Costs, with_waits: Costs) -> list[Budget]:
-    image = stack_depth.Image(IMAGE, BUILD)
+def times(image_path: Path, build: Path, costs: Costs, with_waits: Costs) -> list[Budget]:
+    image = stack_depth.Image(image_path, build)
     per_us = costs.cpu_hz / 1e6
     rows: list[Budget] = []
     for number, handler in sorted(image.vectors().items()):
@@ -207,6 +209,31 @@ def loads(costs: Costs, with_waits: Costs) -> list[Budget]:
     ]
 
 
+# What the wiring of a board decides; all else is the same code on the same chip.
+OF_EACH_BOARD = {
+    *("flash, sector 0", "flash, code and constants", "SRAM", "stack, all nested", "stack, deepest seen"),
+    *("control tick, worst", "supply sags, PVD, worst", "edge, TIM3, worst", "edge, TIM4, worst"),
+    *("load, driving, line and bus full", "power-up to bridges braked", "power-up to first answer"),
+}
+
+
+def of_board(image_path: Path, build: Path, costs: Costs, with_waits: Costs) -> list[Budget]:
+    """All figures of one board's image."""
+    return [
+        *memory(image_path),
+        *stack(image_path, build, costs.stack),
+        *times(image_path, build, costs, with_waits),
+        *loads(costs, with_waits),
+    ]
+
+
+def second_board() -> list[Budget]:
+    """Those that the wiring decides, of the board whose USB pins are free."""
+    costs, waiting = (measure(USB_IMAGE, flash_waits=waits) for waits in (False, True))
+    rows = of_board(USB_IMAGE, USB_BUILD, costs, waiting)
+    return [replace(row, name=f"f405_usb: {row.name}") for row in rows if row.name in OF_EACH_BOARD]
+
+
 HEADER = f"""# Budgets
 
 Generated and checked by `tests/budgets.py` (part of `./run test`), arm-none-eabi-gcc 12.2 at `-O2`: it fails
@@ -222,6 +249,8 @@ shows it.
   interrupted it not counted: a log at {{rate}} Hz, both wheels driven in both modes, both directions of the
   line full, statuses over CAN at 1 Mbit/s as fast as they are answered, a shorted bus, then a fault that
   stops and a sag of the supply.
+- **Boards**: the rows are those of the Olimex STM32-H405; `f405_usb` begins those of the board whose USB pins
+  are free, as far as its wiring decides them.
 - **Times and loads**: at 168 MHz, with the virtual board's cycles (`hil_sim/README.md`: one an instruction;
   loads, stores and branches more), first as if flash had no wait states, then with its 5 and with the
   accelerator's prefetch and caches, as RM0090 section 3.5.2 has them: {{cpi:.2f}} and {{waiting_cpi:.2f}}
@@ -282,7 +311,7 @@ def main() -> int:
     try:
         costs = measure(IMAGE, flash_waits=False)
         waiting = measure(IMAGE, flash_waits=True)
-        budgets = [*memory(IMAGE), *stack(costs.stack), *times(costs, waiting), *loads(costs, waiting)]
+        budgets = [*of_board(IMAGE, BUILD, costs, waiting), *second_board()]
     except stack_depth.StackError as error:
         sys.exit(f"the stack cannot be judged: {error}")
     for b in budgets:
