@@ -29,6 +29,7 @@ SCALES = {
     "per_speed_squared": " / (full-effort speed)²",
     "duration": " × length of the set",
     "time_constant": " × time constant",
+    "acceleration": " × acceleration at full effort from rest, over that of gravity",
 }
 _DATA, _CONFUSED = "In data:", "Confused with:"
 

@@ -231,17 +231,21 @@ def _effort_row(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]
         yield Check("effort_row", found.sentence(), "warning", found.advice(), None, found.wheel)
 
 
-def _turns(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]:
+def _straight(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]:
     del baseline
     differ = max(float(np.abs(run.effort("left") - run.effort("right")).max()) for run in recordings)
     if differ < MIN_EFFORT:
         text = "both wheels always get the same effort: how they act on each other is not excited"
         step = "Add a run with one wheel against the other, and one with one wheel alone"
         yield Check("straight", text, "note", step, blocks=("turning_scrub", "inertia_coupling"))
+
+
+def _on_the_spot(recordings: RecordingSet, baseline: Baseline) -> Iterator[Check]:
+    del baseline
     if _is_opposite(recordings):
         text = (
-            "the robot only turns on the spot: scrub in turns is not distinguishable from friction of the "
-            "wheels, nor the inertia in turns from theirs"
+            "the robot only turns on the spot: scrub in turns is one with friction of the wheels, and the "
+            "inertia in turns with theirs"
         )
         step = "Add a straight run, and one with one wheel alone"
         yield Check("on_the_spot", text, "note", step, blocks=("turning_scrub", "inertia_coupling"))
@@ -313,7 +317,8 @@ def _has_outside_pose(run: Run) -> bool:
 _INSPECTIONS: tuple[Callable[[RecordingSet, Baseline], Iterator[Check]], ...] = (
     _few_runs,
     _one_sided,
-    _turns,
+    _straight,
+    _on_the_spot,
     _saturation,
     _slow_log,
     _geometry,
