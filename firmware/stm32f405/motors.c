@@ -29,9 +29,8 @@ enum { EFFORT_FULL_E4 = 10000 };
  * the contact is open. Bridges on two timers have such an input each, wired to the one contact. */
 #define BRAKED (TIM_BDTR_OSSI | TIM_BDTR_BKE | TIM_BDTR_BKP)
 
-#define LEFT_TIMER          TIMER(BOARD_LEFT_TIMER)
-#define RIGHT_TIMER         TIMER(BOARD_RIGHT_TIMER)
-#define BREAK_PIN_OF(timer) ((timer) == 1u ? BOARD_TIM1_BREAK_PIN : BOARD_TIM8_BREAK_PIN)
+#define LEFT_TIMER  TIMER(BOARD_LEFT_TIMER)
+#define RIGHT_TIMER TIMER(BOARD_RIGHT_TIMER)
 
 /* Whether a bridge uses a pair of channels, of which the first is 1 or 3. */
 #define PAIR_USED(timer, first)                                                                              \

@@ -35,6 +35,8 @@
 
 #define TIMER(timer) ((timer) == 1u ? TIM1 : (timer) == 8u ? TIM8 : (timer) == 3u ? TIM3 : TIM4)
 
+#define BREAK_PIN_OF(timer) ((timer) == 1u ? BOARD_TIM1_BREAK_PIN : BOARD_TIM8_BREAK_PIN)
+
 /* The timers whose break holds a bridge. */
 #define HOLDS_BRIDGE(timer)  (BOARD_LEFT_TIMER == (timer) || BOARD_RIGHT_TIMER == (timer))
 #define BRIDGES_ON_ONE_TIMER (BOARD_LEFT_TIMER == BOARD_RIGHT_TIMER)
