@@ -133,3 +133,20 @@ def test_a_header_that_the_chip_cannot_follow_does_not_compile(
         assert re.search(complaint, said), said
     else:
         assert said == ""
+
+
+@pytest.mark.parametrize(("port", "number", "first"), [("B", 12, 0), ("A", 6, 1)])
+def test_one_broken_wire_of_the_emergency_stop_holds_its_bridge_at_once_and_both_within_a_tick(
+    usb_image: Path, native_library: Path, port: str, number: int, first: int
+) -> None:
+    with VirtualRobot(usb_image) as robot:
+        robot.run_us(300_000)
+        device = host(robot)
+        device.set_effort(0.5, -0.5)
+        robot.run_us(100_100)
+        robot.open_pin(port, number)
+        assert bridges(robot)[first] == BRAKE[first]
+        assert bridges(robot)[1 - first] != BRAKE[1 - first]
+        robot.run_us(1_100)
+        assert bridges(robot) == BRAKE
+        assert [fault.name for fault in device.status().latched] == ["emergency_stop"]

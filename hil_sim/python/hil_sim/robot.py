@@ -515,6 +515,11 @@ class VirtualRobot(Simulated):
         """Press or release the emergency stop; a broken wire is the same as a pressed one."""
         self._library.rig_emergency_stop(self._rig, pressed)
 
+    def open_pin(self, port: str, number: int) -> None:
+        """Break whatever wire holds a pin low or high; its pull resistor decides its level from now on."""
+        pin = native.HEADERS.structs["board_pin"](port.encode(), number)
+        self._library.board_set_pin(self._board, pin, _CONSTANTS["BOARD_OPEN"])
+
     def set_halted(self, halted: bool) -> None:
         """Halt the core as a debugger does, or let it go on; peripherals run on unless DBGMCU stops them."""
         self._library.board_set_halted(self._board, halted)
