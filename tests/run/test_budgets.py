@@ -102,7 +102,11 @@ def test_the_committed_table_reads_back(tmp_path: Path) -> None:
 
 def test_a_written_table_says_what_was_measured(tmp_path: Path, image: Path, native_library: Path) -> None:
     costs = budgets.measure(image, flash_waits=False)
-    rows = [*budgets.memory(image), *budgets.times(image, budgets.BUILD, costs, costs), *budgets.loads(costs, costs)]
+    rows = [
+        *budgets.memory(image),
+        *budgets.times(image, budgets.BUILD, costs, costs),
+        *budgets.loads(costs, costs),
+    ]
     written = tmp_path / "table.md"
     written.write_text(table(rows, costs, costs))
     assert compare(rows, read(written))[0] == []

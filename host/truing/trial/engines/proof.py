@@ -20,8 +20,8 @@ _WIDTH = 128
 _ABOUT = (
     "The robots, their motors and contacts and what is hidden in them are the engine's "
     "(`host/truing/trial/engines`). The answer is sealed before the robot moves and opened after the "
-    "verdict, and the diagnosis reads only the recordings. Its faults were looked for in campaigns of seeds 1 "
-    "and 2, not in those of other seeds."
+    "verdict, and the diagnosis reads only the recordings. Its faults were looked for in campaigns of seeds "
+    "1 and 2, not in those of other seeds."
 )
 _SETS = (
     "Each set has eight runs of about six seconds (steps, reversals, ramps, turns, one wheel, headings, "
@@ -235,11 +235,22 @@ def _by_effect(engine: Engine[Any], scores: Sequence[Score]) -> list[str]:
     rows = []
     for name, group in sorted(groups.items()):
         means, known = _means(engine, name)
-        said = Counter(one.verdict for one in group)
-        told = ", ".join(f"{kind} {number}" for kind, number in said.most_common())
         right = sum(one.right for one in group)
-        rows.append(f"| {name} | {means} | {known} | {len(group)} | {right} | {told} |")
+        head = f"| {name} | {means} | {known} | {len(group)} | {right} | "
+        rows.append(f"{head}{_verdicts(group, _WIDTH - len(head))} |")
     return rows
+
+
+def _verdicts(group: Sequence[Score], width: int) -> str:
+    """How often each verdict was given; those that are rarest count together where the line ends."""
+    counts = Counter(one.verdict for one in group).most_common()
+    parts = [f"{kind} {number}" for kind, number in counts]
+    for kept in range(len(parts), 0, -1):
+        rest = sum(number for _, number in counts[kept:])
+        text = ", ".join(parts[:kept] + ([f"others {rest}"] if rest else []))
+        if len(text) <= width - 2:
+            break
+    return text
 
 
 def _means(engine: Engine[Any], name: str) -> tuple[str, str]:
