@@ -56,7 +56,6 @@ PRACTICE: tuple[tuple[str, str | None, str, PlanKind, int], ...] = (
     ("stribeck_friction", None, "full", "rich", 3),
     ("knocks", None, "full", "ordinary", 14),
     ("supply_sag", "direction_asymmetry", "full", "rich", 15),
-    ("gear_backlash", None, "full", "rich", 4),
     ("payload_change", None, "full", "thirds", 16),
 )
 PRACTICE_RUNS = 2

@@ -133,8 +133,8 @@ def test_random_code_leaves_the_same_registers_memory_and_cycles(board):
     seeds = (*range(1000), 50277, 1123, 2979, 5271, 14659)
     different = [seed for seed in seeds if _differs(one, other, seed)]
     if different:
-        # The engine that is compared with, not ours, errs in about one process of seventy. Its lookaside buffer
-        # changes size by the host's clock, which may be why. What differs on fresh boards too is ours.
+        # The engine that is compared with, not ours, errs in about one process of seventy. Its lookaside
+        # buffer changes size by the host's clock, which may be why. What differs on fresh boards too is ours.
         one, other = board("random_code"), board("random_code")
         again = [seed for seed in seeds if _differs(one, other, seed)]
         different = [seed for seed in different if seed in again]
