@@ -15,6 +15,7 @@ import json
 import math
 import sys
 import tempfile
+import textwrap
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -357,7 +358,9 @@ def read_page() -> tuple[str, Marks]:
     panel, marks, file = "", Marks(), ""
     for line in PAGE.read_text(encoding="utf-8").splitlines():
         if line.startswith(PANEL):
-            panel = line.removeprefix(PANEL).removesuffix(".")
+            panel = line.removeprefix(PANEL)
+        elif line.startswith("  "):
+            panel += " " + line.strip()
         elif line.startswith("## "):
             file = line.removeprefix("## ")
         elif line.startswith("| `"):
@@ -366,7 +369,7 @@ def read_page() -> tuple[str, Marks]:
             for factor, mark in zip(CHANGES, cells[-2:], strict=True):
                 if mark != NOT_MEASURED and mark not in STATUSES:
                     marks[file, name, value, factor] = mark
-    return panel, marks
+    return panel.removesuffix("."), marks
 
 
 HEAD = """# Tuned constants of `truing diagnose`
@@ -391,7 +394,7 @@ def page(panel: str, marks: Marks) -> str:
     text = [
         HEAD,
         f"- {len(every)} constants: " + ", ".join(f"{count} {kind}" for kind, count in counts.items()) + ".",
-        f"{PANEL}{panel}.",
+        textwrap.fill(f"{PANEL}{panel}.", 128, subsequent_indent="  ", break_on_hyphens=False),
         f"- Measured both ways: {len(measured)} of {counts['tuned']}; of these, {still} move nothing"
         f" and {unreached} are in no code that ran.",
     ]
