@@ -206,9 +206,9 @@ def _bounds(
             "measure again, while the board is neither restarted nor saving parameters",
         )
     slopes = np.concatenate([[low, high], _slopes(roof_x, roof), _slopes(floor_x, floor)]).clip(low, high)
-    least = np.max(floor - slopes[:, None] * floor_x, axis=1)
-    most = np.min(roof - slopes[:, None] * roof_x, axis=1)
-    return (float(np.min(least)), float(np.max(most))), (low, high)
+    lowest = np.max(floor - slopes[:, None] * floor_x, axis=1)
+    highest = np.min(roof - slopes[:, None] * roof_x, axis=1)
+    return (float(np.min(lowest)), float(np.max(highest))), (low, high)
 
 
 def _hull(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:

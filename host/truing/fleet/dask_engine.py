@@ -61,8 +61,8 @@ class DaskEngine:
         try:
             more = True
             while more or running:
-                most = self.workers * (1 + ahead)
-                while more and len(running) < most:
+                max_running = self.workers * (1 + ahead)
+                while more and len(running) < max_running:
                     item = next(waiting, _NONE)
                     if item is _NONE:
                         more = False

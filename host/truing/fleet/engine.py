@@ -84,12 +84,12 @@ class ProcessPool:
     ) -> Iterator[Ended[Item, Result]]:
         """See `Engine`."""
         waiting = iter(items)
-        most = self._workers * (1 + ahead)
+        max_running = self._workers * (1 + ahead)
         running: dict[Future[Result], Item] = {}
         with ProcessPoolExecutor(max_workers=self._workers) as pool:
             try:
                 while True:
-                    while len(running) < most and (item := next(waiting, _NONE)) is not _NONE:
+                    while len(running) < max_running and (item := next(waiting, _NONE)) is not _NONE:
                         running[pool.submit(function, item)] = item  # type: ignore[assignment,arg-type]
                     if not running:
                         return

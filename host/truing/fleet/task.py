@@ -76,7 +76,7 @@ def process(job: Job) -> Outcome:
 
 
 def write_row(job: Job, row: dict[str, Any], *, again: bool) -> Outcome:
-    """Write a row; a full disk is no error of the set, and is told apart."""
+    """Write a row; a full disk is no error of the set, and stands in `Outcome.not_written`."""
     from truing.fleet.part import retry_name, to_bytes
 
     failed: OutputError | None = None

@@ -210,9 +210,9 @@ def _with_limited_slopes(term: Term, grid: FloatArray, values: FloatArray, dampi
     return out
 
 
-def _falling(grid: FloatArray, values: FloatArray, most: float) -> FloatArray:
-    """Values from the grid's start on that fall by at most `most` per unit."""
-    steps = np.maximum(np.diff(values), -most * np.diff(grid))
+def _falling(grid: FloatArray, values: FloatArray, max_fall: float) -> FloatArray:
+    """Values from the grid's start on that fall by at most `max_fall` per unit."""
+    steps = np.maximum(np.diff(values), -max_fall * np.diff(grid))
     return np.concatenate((values[:1], values[0] + np.cumsum(steps)))
 
 

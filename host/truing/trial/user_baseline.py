@@ -6,7 +6,7 @@ from typing import Protocol
 
 
 class Geometry(Protocol):
-    """What is measured on a robot with a ruler and read off its encoders."""
+    """What the user measures on a robot, and reads off its encoders."""
 
     @property
     def radius_m(self) -> float:

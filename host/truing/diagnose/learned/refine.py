@@ -9,7 +9,7 @@ import numpy as np
 
 from truing.arrays import FloatArray
 from truing.diagnose.learned.regression import LINEAR, Left, Sums, block, columns_of
-from truing.diagnose.learned.selection import penalty_matrix, solve
+from truing.diagnose.learned.selection import columns, penalty_matrix, solve
 from truing.diagnose.learned.variables import Candidate, row_variable
 from truing.model.correction import (
     PERIODIC,
@@ -80,8 +80,7 @@ def structure_of(
     """The structure of these candidates, penalised as in the regression on these groups."""
     penalties = []
     for w in range(2):
-        cols = np.concatenate([np.arange(LINEAR), *(sums.at[k] for k in terms)])
-        gram = block(sums.gram, groups, w, cols).sum(axis=0)
+        gram = block(sums.gram, groups, w, columns(sums, terms)).sum(axis=0)
         penalties.append(penalty_matrix(sums, terms, weight, gram))
     return Structure(tuple(sums.candidates[k] for k in terms), np.array(penalties), left.gain, left.tau)
 
@@ -132,12 +131,11 @@ def refine(
     best, damping = cost(theta, r), 1e-2
     nothing = np.zeros_like(theta)
     empty = error(nothing)
-    if cost(nothing, empty) < best:
-        theta, r, best = nothing, empty, cost(nothing, empty)
-    jacobian = _derivatives(error, theta, r)
-    for step in range(steps):
-        if step:
-            jacobian = _derivatives(error, theta, r)
+    without = cost(nothing, empty)
+    if without < best:
+        theta, r, best = nothing, empty, without
+    for _ in range(steps):
+        jacobian = _derivatives(error, theta, r)
         accepted = False
         for _ in range(6):
             moved = theta.copy()

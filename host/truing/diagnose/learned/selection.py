@@ -46,7 +46,7 @@ class Chosen:
     penalty: float
 
 
-def select(sums: Sums, groups: Sequence[int], most: int = MAX_TERMS) -> Chosen:
+def select(sums: Sums, groups: Sequence[int]) -> Chosen:
     """Keep terms as long as one brings something, judged by leaving out each of these groups in turn."""
     chosen = Chosen((), PENALTIES[1])
     weights = group_weights(sums, groups)
@@ -55,7 +55,7 @@ def select(sums: Sums, groups: Sequence[int], most: int = MAX_TERMS) -> Chosen:
         (weights * _left_out(sums, (), PENALTIES[1], groups, linear=linear) for linear in (False, True)),
         key=lambda errors: float(errors.sum()),
     )
-    for _ in range(most):
+    for _ in range(MAX_TERMS):
         tried = []
         for k in _promising(sums, chosen.terms, groups, weights):
             options = [(weights * _left_out(sums, (*chosen.terms, k), p, groups), p) for p in PENALTIES]
@@ -63,11 +63,11 @@ def select(sums: Sums, groups: Sequence[int], most: int = MAX_TERMS) -> Chosen:
             tried.append((float(errors.sum()), k, penalty, errors))
         if not tried:
             break
-        least = min(each[0] for each in tried)
+        lowest = min(each[0] for each in tried)
         total = float(before.sum())
-        if not least < total:
+        if not lowest < total:
             break
-        good = [each for each in tried if total - each[0] >= SIMPLER * (total - least)]
+        good = [each for each in tried if total - each[0] >= SIMPLER * (total - lowest)]
         _, k, penalty, errors = min(good, key=lambda each: each[1])
         if not _is_gain(before - errors, total):
             break

@@ -296,7 +296,7 @@ def _not_right(scores: Sequence[Score]) -> list[str]:
     wrong = [each for each in scores if not each.right or each.confidently_wrong]
     if not wrong:
         return []
-    lines = [line for each in wrong for line in (f"- seed {each.seed}, {each.driving}: {_told(each)}",)]
+    lines = [f"- seed {each.seed}, {each.driving}: {_outcome_text(each)}" for each in wrong]
     return ["## Not right", "", *(_wrapped(line, indent="  ") for line in lines), ""]
 
 
@@ -311,7 +311,7 @@ def _hidden(each: Score) -> str:
     return ", ".join(f"{name} ({size:.2f})" for name, size in zip(names, each.strengths, strict=True))
 
 
-def _told(each: Score) -> str:
+def _outcome_text(each: Score) -> str:
     sure = ", confidently wrong" if each.confidently_wrong else ""
     return f"{_hidden(each)} got {each.verdict}: {', '.join(each.said) or '-'}{sure}"
 
