@@ -35,7 +35,7 @@ from truing.diagnose.problem import (
     CLIP,
     Problem,
     base_columns,
-    lagged_rows,
+    past_rows,
     robust_pose_sigma,
 )
 from truing.diagnose.profiles import Limits
@@ -219,16 +219,16 @@ def investigate(
 
 def initial_fit(data: SetData, simulator: SetSimulator) -> _Stage:
     """Refit the baseline; the noise is the part of its residual that is not predictable out of sample."""
-    lagged = lagged_rows(data)
+    past = past_rows(data)
     windows = len(simulator.windows(data.pose_horizon_s))
     problem = Problem(
         data=data,
         simulator=simulator,
-        noise=white_noise(lagged, _error_as_given(data, simulator)),
+        noise=white_noise(past, _error_as_given(data, simulator)),
         pose_sigma=np.ones(3),
         counted=data.counted.astype(float),
         pose_counted=np.zeros(windows),
-        lagged=lagged,
+        past=past,
         tied=simulator.tied,
         base_effects=tuple(data.baseline.effects),
         base_columns=base_columns(simulator, simulator.tied, tuple(data.baseline.effects)),
@@ -240,7 +240,7 @@ def initial_fit(data: SetData, simulator: SetSimulator) -> _Stage:
     noise = noise_from_fit(problem, base)
     uncertainty = inter_sample_uncertainty(data)
     if uncertainty.any():
-        uncertainty = np.hypot(uncertainty, predicted_uncertainty(noise, uncertainty, lagged))
+        uncertainty = np.hypot(uncertainty, predicted_uncertainty(noise, uncertainty, past))
         problem = replace(problem, counted=problem.counted / (1.0 + (uncertainty / noise.sigma) ** 2))
         noise = noise_from_fit(problem, base)
     problem = problem.with_noise(noise)

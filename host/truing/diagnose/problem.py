@@ -10,12 +10,12 @@ from functools import cached_property
 
 import numpy as np
 
-from truing.arrays import FloatArray, IntArray
+from truing.arrays import FloatArray
 from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.data.set_data import POSE_HORIZON_S as POSE_HORIZON_S
 from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import SIDES, Parameter
-from truing.diagnose.noise import MEMORY_TAUS, Noise, estimate_noise, lag_index, lags_for, white_noise, whiten
+from truing.diagnose.noise import MEMORY_TAUS, Noise, Past, estimate_noise, past_of, white_noise, whiten
 from truing.diagnose.noise_floor import NoiseFloor, noise_floor
 from truing.diagnose.simulation.simulator import SetSimulator
 
@@ -85,7 +85,7 @@ class Problem:
     ----------
     counted : shape (n, 2), weights 0..1 of the rows in a fit.
     pose_counted : shape (m,), weights of the pose windows.
-    lagged : shape (order, n), row indices of the noise model's lags.
+    past : the rows that the noise model takes for each row.
     tied : both wheels share gain and time constant.
     base_effects : effects that the baseline already contains.
     direct_evidence : log-likelihood ratio of effects from two recorded signals, without a robot model, nats.
@@ -98,7 +98,7 @@ class Problem:
     pose_sigma: FloatArray
     counted: FloatArray
     pose_counted: FloatArray
-    lagged: IntArray
+    past: Past
     tied: bool = False
     base_effects: tuple[str, ...] = ()
     base_columns: tuple[Column, ...] = field(default=())
@@ -122,7 +122,7 @@ class Problem:
 
     def whiten(self, columns: FloatArray) -> FloatArray:
         """Speeds (n, 2) or their derivatives (n, 2, p) in standard deviations of white noise."""
-        return whiten(self.noise, columns, self.counted, self.lagged)
+        return whiten(self.noise, columns, self.counted, self.past)
 
     def loss_slopes(self, flat: FloatArray) -> FloatArray:
         """Derivatives of a flat residual by its residuals: CLIP / |flat| where the loss is linear, else 1."""
@@ -217,9 +217,7 @@ class Problem:
         rms_mps : scale of the wheels' residuals, beside those of a pose.
         """
         counted = self.measured / (self.measured[self.measured > 0.0].mean() if self.measured.any() else 1.0)
-        return replace(
-            self, noise=white_noise(self.lagged, max(rms_mps, 1e-9)), counted=counted, is_plain=True
-        )
+        return replace(self, noise=white_noise(self.past, max(rms_mps, 1e-9)), counted=counted, is_plain=True)
 
     def judging(self, speeds: FloatArray) -> Problem:
         """For models beside one with these speeds (n, 2): plain where it leaves more than noise.
@@ -333,9 +331,9 @@ def base_columns(simulator: SetSimulator, tied: bool, base_effects: tuple[str, .
     return tuple(columns)
 
 
-def lagged_rows(data: SetData) -> IntArray:
-    """Row indices at the lags of the noise model, shape (order, n)."""
-    return lag_index(data.starts, len(data), lags_for(float(np.median(data.interval_s))))
+def past_rows(data: SetData) -> Past:
+    """The past of every row that the noise model takes."""
+    return past_of(data.starts, float(np.median(data.interval_s)))
 
 
 def noise_of_residual(data: SetData, residual: FloatArray, counted: FloatArray, taus_s: FloatArray) -> Noise:
@@ -343,7 +341,9 @@ def noise_of_residual(data: SetData, residual: FloatArray, counted: FloatArray, 
     floor = np.full(2, max(MIN_NOISE_COUNTS * data.resolution_mps, MIN_NOISE_SHARE * data.top_mps))
     interval_s = float(np.median(data.interval_s))
     ceiling = MAX_NOISE_OF_FLOOR * noise_floor(data).rms
-    return estimate_noise(residual, counted, data.starts, interval_s, MEMORY_TAUS * taus_s, floor, ceiling)
+    return estimate_noise(
+        residual, counted, past_rows(data), interval_s, MEMORY_TAUS * taus_s, floor, ceiling
+    )
 
 
 def robust_pose_sigma(problem: Problem, theta: FloatArray, effects: tuple[str, ...]) -> FloatArray:

@@ -22,7 +22,7 @@ from truing.diagnose.data.set_data import SetData
 from truing.diagnose.distributions import chi2_quantile, chi2_quantiles
 from truing.diagnose.fit import Fit
 from truing.diagnose.held_out import folds_of
-from truing.diagnose.noise import Noise, whiten, whiten_wheel
+from truing.diagnose.noise import Noise, Past, whiten, whiten_wheel
 from truing.diagnose.problem import Problem
 from truing.model.compiled import compiled
 
@@ -70,7 +70,7 @@ def find_structure(
     taus: FloatArray,
     noise: Noise,
     counted: FloatArray,
-    lagged: IntArray,
+    past: Past,
     folds: IntArray,
 ) -> Structure:
     """Cross-validated regression of the residual on the basis.
@@ -83,11 +83,11 @@ def find_structure(
     """
     share, error, predicted_runs = np.zeros(2), np.zeros(2), np.zeros(2)
     predicted = np.zeros_like(residual)
-    target = whiten(noise, residual, counted, lagged)
+    target = whiten(noise, residual, counted, past)
     runs = np.unique(data.run_of_row)
     for wheel in range(2):
         basis = features(data, speeds, wheel, float(taus[wheel]))
-        white = whiten_wheel(noise, basis, wheel, counted, lagged)
+        white = whiten_wheel(noise, basis, wheel, counted, past)
         scale = np.sqrt(np.mean(white**2, axis=0)) + 1e-12
         y = np.clip(target[:, wheel], -4.0, 4.0)
         prediction, weights = _cross_validated(white / scale, y, folds)
@@ -396,6 +396,6 @@ def residual_structure(problem: Problem, done: Fit) -> Structure:
         taus,
         problem.noise,
         problem.counted,
-        problem.lagged,
+        problem.past,
         folds_of(problem.data),
     )
