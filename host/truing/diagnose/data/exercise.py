@@ -86,6 +86,14 @@ def effort_step_rows(data: SetData, minimum: float = 0.1) -> IntArray:
     return np.nonzero(np.diff(high.astype(np.int8), axis=0) == 1)[0] + 1
 
 
+def speeds_up_after(data: SetData, rows: IntArray) -> BoolArray:
+    """Whether the faster wheel is faster half a time constant after each of these rows, shape (rows,)."""
+    later = max(1, round(0.5 * time_constant_s(data) / float(np.median(data.interval_s))))
+    last = np.repeat(data.starts[1:], np.diff(data.starts)) - 1
+    speed = np.abs(data.speed_mps).max(axis=1)
+    return np.asarray(speed[np.minimum(rows + later, last[rows])] > speed[rows])
+
+
 def speed_levels(data: SetData) -> int:
     """In how many of the SPEED_BANDS of |speed| a wheel stays for at least a second."""
     speed = np.abs(relative_speed(data))

@@ -15,8 +15,6 @@ constant, which is there from the start. The first run repeated as the last one 
 
 from __future__ import annotations
 
-import numpy as np
-
 from truing.diagnose.data import exercise
 from truing.diagnose.data.set_data import SetData
 from truing.diagnose.effect import Effect, Parameter
@@ -34,8 +32,8 @@ def _exercised(data: SetData) -> float:
     """
     rows = exercise.effort_step_rows(data)
     early = data.elapsed_s[rows] < 0.5 * data.duration_s
-    size = np.abs(data.effort).max(axis=1)
-    starts = size[rows] > size[np.maximum(rows - 2, 0)]
+    # A controller brakes with effort: what is a start and what a stop, the speed says.
+    starts = exercise.speeds_up_after(data, rows)
     fewest = min(int((half & kind).sum()) for half in (early, ~early) for kind in (starts, ~starts))
     fewer = min(int(early.sum()), int((~early).sum()))
     return min(
