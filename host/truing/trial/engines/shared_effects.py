@@ -108,8 +108,9 @@ def _track(robot: RobotT, raw: float, rng: Rng) -> RobotT:
     return replace(robot, track_factor=1.0 + 0.25 * raw * float(rng.choice([-1.0, 1.0])))
 
 
-def _joint_damping(robot: RobotT, raw: float, rng: Rng) -> RobotT:
-    left, right = (raw * share * robot.nominal.damping_nms(i) for i, share in enumerate(sides(rng)))
+def _joint_damping(robot: RobotT, raw: float, _rng: Rng) -> RobotT:
+    """The same share of both: unequal sides would be an effect where a baseline has one value."""
+    left, right = (raw * robot.nominal.damping_nms(wheel) for wheel in range(2))
     return replace(robot, damping_nms=(left, right))
 
 
