@@ -18,6 +18,7 @@ from truing.diagnose.fit import Fit
 from truing.diagnose.held_out import HeldOut, folds_of, held_out
 from truing.diagnose.intervals import covariance, effect_parameters
 from truing.diagnose.locate import wheel_spans
+from truing.diagnose.oscillation import Oscillation, find_oscillation
 from truing.diagnose.pose_windows import pose_folds, pose_noise, pose_rmse, pose_spans, pose_traces
 from truing.diagnose.problem import Problem
 from truing.diagnose.residual_tests import residual_structure
@@ -121,15 +122,25 @@ def _left_over(reasoning: Reasoning) -> float:
 
 
 def _notes(reasoning: Reasoning, base: HeldOut, shown: _Evaluated) -> tuple[str, ...]:
-    """Whose choice the effects are, and where the order of the errors does not hold on runs left out."""
+    """Whose choice the effects are, what remains, and where errors do not fall on runs left out."""
     notes = []
     if reasoning.accepted:
         notes.append("the effects are those given with --accept, not the diagnosis's own choice")
+    oscillation = find_oscillation(reasoning.problem, shown.fit)
+    if oscillation is not None and reasoning.verdict in ("unexplained", "partly_explained"):
+        notes.append(_oscillation_note(oscillation, reasoning.problem))
     weight = reasoning.problem.measured
     before, after = base.rmse(weight), shown.held_out.rmse(weight)
     if shown.fit.effects and after > before and not len(reasoning.problem.pose_counted):
         notes.append("on runs left out of the fit the named effects do not lower the error")
     return tuple(notes)
+
+
+def _oscillation_note(oscillation: Oscillation, problem: Problem) -> str:
+    which = ", both wheels together" if oscillation.together else ", one wheel against the other"
+    which = which if problem.data.counted.any(axis=0).all() else ""
+    remains = f"what remains oscillates at {oscillation.frequency_hz:.1f} Hz{which}"
+    return f"{remains}: look for a part that swings or springs"
 
 
 def _explanations(reasoning: Reasoning) -> list[Fit]:

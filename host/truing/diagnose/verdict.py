@@ -17,6 +17,7 @@ from truing.diagnose.compare import SIGNIFICANT_GAIN
 from truing.diagnose.disturbance import is_disturbance
 from truing.diagnose.fit import Fit
 from truing.diagnose.intermittent import comes_and_goes
+from truing.diagnose.oscillation import find_oscillation
 from truing.diagnose.pairs import both_significant, needs_both_effects, second_effect_alternatives
 from truing.diagnose.problem import CLIP, MIN_NOISE_COUNTS, Problem
 from truing.diagnose.residual_tests import Structure, find_bursts, residual_structure
@@ -177,12 +178,14 @@ def is_incomplete(search: Search, best: Fit) -> bool:
 
 
 def _leaves_something(search: Search, best: Fit, remaining: Structure, times_floor: float) -> bool:
-    base = search.fits[()]
+    problem, base = search.problem, search.fits[()]
+    above = _is_above_quantisation(problem, best)
     return (
         has_residual_structure(remaining, best, base)
         or unexplained_exceeds_explained(search, remaining, best, base)
-        or _exceeds_noise(search.problem, best, remaining, times_floor)
-        or bool(np.any(comes_and_goes(search.problem, best) & _is_above_quantisation(search.problem, best)))
+        or _exceeds_noise(problem, best, remaining, times_floor)
+        or bool(np.any(comes_and_goes(problem, best) & above))
+        or (bool(above.any()) and find_oscillation(problem, best) is not None)
     )
 
 
