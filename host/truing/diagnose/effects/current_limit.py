@@ -57,7 +57,7 @@ EFFECT = Effect(
         "twice the stall torque."
     ),
     parameters=(
-        Parameter("limit", "1", 0.05, 2.0, 2.0, (0.6, 0.4, 0.25), scan=True),
+        Parameter("limit", "1", 0.05, 2.0, 2.0, (1.5, 1.2, 0.9, 0.6, 0.4, 0.25), scan=True),
         Parameter("back_emf", "1", 0.3, 1.0, 1.0, (0.9,), nuisance=True),
     ),
     exercised=_exercised,
