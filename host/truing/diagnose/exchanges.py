@@ -45,7 +45,7 @@ def best_exchange(search: Search, best: Fit) -> Fit:
     problem = search.problem
     if not best.effects or not problem.exceeds_noise(best.residual.speeds):
         return best
-    unseen = UnseenRuns.beside(problem, best)
+    unseen = UnseenRuns.beside(search, best)
     limit = (1.0 - NEGLIGIBLE) * _plain_error(search, best)
     better = [one for one in _exchanged(search, best) if _plain_error(search, one) < limit]
     benefits = [(unseen.benefit(one, best), one) for one in better if _is_sound(search, one)]

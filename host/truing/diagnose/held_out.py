@@ -35,9 +35,13 @@ class HeldOut:
 def folds_of(data: SetData) -> IntArray:
     """Fold of each row, shape (n,): runs in turn; a single run in quarters."""
     if data.runs == 1:
-        quarter = np.minimum(np.arange(len(data)) * FOLDS // len(data), FOLDS - 1)
-        return np.asarray(quarter, dtype=np.int64)
+        return quarters(len(data))
     return np.asarray(data.run_of_row % min(FOLDS, data.runs), dtype=np.int64)
+
+
+def quarters(rows: int) -> IntArray:
+    """Which quarter of a run each of its rows lies in, shape (rows,)."""
+    return np.asarray(np.minimum(np.arange(rows) * FOLDS // rows, FOLDS - 1), dtype=np.int64)
 
 
 def held_out(problem: Problem, full: Fit, folds: IntArray, pose_folds: IntArray) -> HeldOut:

@@ -12,8 +12,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from truing.diagnose.fit import Fit, fit, reevaluate
+from truing.diagnose.held_out import folds_of, held_out
+from truing.diagnose.pose_windows import pose_folds
 from truing.diagnose.problem import Problem
-from truing.diagnose.unseen_runs import NEGLIGIBLE, UnseenRuns
+from truing.diagnose.unseen_runs import NEGLIGIBLE
 from truing.diagnose.verdict import Reasoning
 
 # Iterations of a plain least-squares fit from a weighted one.
@@ -39,8 +41,13 @@ def _is_better_plainly(problem: Problem, one: Fit) -> bool:
     limit = (1.0 - NEGLIGIBLE) * problem.free_run_rmse(one.residual.speeds)
     if problem.free_run_rmse(plain.residual.speeds) > limit:
         return False
-    plainly = UnseenRuns(problem.plain(limit)).errors(plain).wheels
-    return plainly < (1.0 - NEGLIGIBLE) * UnseenRuns(problem).errors(one).wheels
+    return _left_out_rmse(problem.plain(limit), plain) < (1.0 - NEGLIGIBLE) * _left_out_rmse(problem, one)
+
+
+def _left_out_rmse(problem: Problem, one: Fit) -> float:
+    """Free-run error of a structure on runs left out of its fit, m/s."""
+    folds = folds_of(problem.data)
+    return held_out(problem, one, folds, pose_folds(problem, folds)).rmse(problem.measured)
 
 
 def _at_most(problem: Problem, one: Fit, other: Fit, plainly: bool) -> Fit:

@@ -49,7 +49,7 @@ def extend_model(search: Search, best: Fit) -> tuple[Search, Fit]:
         search = under_noise_of(search, found)
         best = search.fits[effect_set(*found.effects)]
     if len(best.effects) > first:
-        best = _pruned(search, UnseenRuns.beside(search.problem, best), best)
+        best = _pruned(search, UnseenRuns.beside(search, best), best)
     return search, best
 
 
@@ -74,7 +74,7 @@ def _without(search: Search, best: Fit, name: str) -> Fit:
 
 def _next_effect(search: Search, best: Fit) -> Fit | None:
     """The best model with one effect more, or None where none is worth it."""
-    unseen = UnseenRuns.beside(search.problem, best)
+    unseen = UnseenRuns.beside(search, best)
     tried = [search.refined(one, best) for one in search.quick_fits(best, MAX_CANDIDATES)[:MAX_TRIED]]
     worth = [one for one in tried if is_worth_it(search, unseen, one, best)]
     largest = max((unseen.benefit(one, best) for one in worth), default=0.0)

@@ -153,7 +153,7 @@ def _is_named_beside_more(search: Search, best: Fit) -> bool:
         return True
     if not best.effects:
         return False
-    unseen = UnseenRuns(search.problem)
+    unseen = UnseenRuns.of(search)
     needed = MIN_UNSEEN_BENEFIT if len(best.effects) == 1 else MIN_UNSEEN_BENEFIT_OF_SEVERAL
     return unseen.benefit(best, base) > needed and unseen.loss_share(best, base) < MAX_UNSEEN_LOSS
 
@@ -200,7 +200,7 @@ def select_model(search: Search, base: Fit) -> Fit:
 
     None of them raises the error on runs left out.
     """
-    unseen = UnseenRuns(search.problem)
+    unseen = UnseenRuns.of(search)
     singles = [one for one in search.ranked(1)[:MAX_PAIRS_COMPARED] if is_named(search, one, base)]
     best = _best_on_unseen_runs(unseen, singles, base)
     pairs = [one for one in search.ranked(2)[:MAX_PAIRS_COMPARED] if needs_both_effects(search, one)]
@@ -243,7 +243,7 @@ def rivals_of(search: Search, best: Fit) -> tuple[Fit, ...]:
     A rival must itself qualify to be named: an effect that hardly changes the signals explains nothing.
     """
     out = []
-    base, unseen = search.fits[()], UnseenRuns(search.problem)
+    base, unseen = search.fits[()], UnseenRuns.of(search)
     # Effects found step by step are judged on runs left out; a rival is not held to more than the best is.
     needs_both = len(best.effects) == 2 and needs_both_effects(search, best)
     for other in search.ranked(len(best.effects)):

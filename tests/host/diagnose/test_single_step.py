@@ -43,7 +43,7 @@ def test_the_part_of_a_run_that_alone_shows_an_effect_is_no_test_of_it() -> None
     data = set_data(with_first_baseline(one_step()))
     stage = initial_fit(data, SetSimulator(data, data.baseline))
     late = Search(stage.problem, {}, jobs=1).with_effect(stage.base, "input_delay")
-    unseen = UnseenRuns(stage.problem)
+    unseen = UnseenRuns(stage.problem, stage.base)
     assert unseen.errors(late).wheels > 0.99 * unseen.errors(stage.base).wheels
     assert unseen.benefit(late, stage.base) > 0.05
 
