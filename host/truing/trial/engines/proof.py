@@ -21,7 +21,7 @@ _ABOUT = (
     "The robots, their motors and contacts and what is hidden in them are the engine's "
     "(`host/truing/trial/engines`). The answer is sealed before the robot moves and opened after the "
     "verdict, and the diagnosis reads only the recordings. Its faults were looked for in campaigns of seeds "
-    "1 and 2, not in those of other seeds."
+    "1, 2 and 3, not in those of other seeds."
 )
 _SETS = (
     "Each set has eight runs of about six seconds (steps, reversals, ramps, turns, one wheel, headings, "
