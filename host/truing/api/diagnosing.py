@@ -77,5 +77,5 @@ def diagnose(
     folder = None if sim_runs is None else Path(sim_runs)
     options = Options(folder, wheels_only, jobs, floor_m, commanded, wheel, tuple(accept), known, learn)
     found = with_what_to_compare(read(recordings, baseline), options, LOGGER.info)
-    compile_once(LOGGER.info)
+    compile_once(LOGGER.info, wheels=len(found.wheels))
     return replace(diagnose_recordings(found, options, progress), recordings=found)

@@ -156,7 +156,7 @@ def command(
         options = Options(sim_runs, wheels_only, jobs, floor_m, commanded, wheel, accepted, known, learn)
         options = options.suiting(found)
         recordings = with_what_to_compare(found, options, app.note)
-        compile_once(app.note)
+        compile_once(app.note, wheels=len(recordings.wheels))
         with app.progress("diagnosing") as progress:
             diagnosis = diagnose(recordings, options, progress)
         board = recordings.is_from_board or not app.is_virtual

@@ -71,6 +71,7 @@ def _driven(effort: FloatArray) -> FloatArray:
 
 
 if __name__ == "__main__":
-    compile_once(print)
+    for wheels in (2, 1):
+        compile_once(print, wheels=wheels)
     diagnose(small_set(), Options(learn=True))
     simulate_corrected()

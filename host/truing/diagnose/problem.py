@@ -301,6 +301,8 @@ def effect_columns(
 
 def is_identifiable(parameter: Parameter, data: SetData, effects: tuple[str, ...]) -> bool:
     """Whether a parameter may leave its value without its effect, in a model with these effects."""
+    if parameter.wheel is not None and SIDES.index(parameter.wheel) not in data.judged_sides:
+        return False
     has_others = not parameter.beside or any(name in effects for name in parameter.beside)
     return has_others and (not parameter.needs_pose or data.has_pose)
 

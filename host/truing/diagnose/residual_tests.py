@@ -85,7 +85,7 @@ def find_structure(
     predicted = np.zeros_like(residual)
     target = whiten(noise, residual, counted, past)
     runs = np.unique(data.run_of_row)
-    for wheel in range(2):
+    for wheel in data.judged_sides:
         basis = features(data, speeds, wheel, float(taus[wheel]))
         white = whiten_wheel(noise, basis, wheel, counted, past)
         scale = np.sqrt(np.mean(white**2, axis=0)) + 1e-12
@@ -138,10 +138,9 @@ def _cross_validated(
 
 def features(data: SetData, speeds: FloatArray, wheel: int, tau: float) -> FloatArray:
     """Regressors of one wheel, shape (n, f): torque terms filtered by the wheel's lag, and direct ones."""
-    u, other = data.effort[:, wheel], data.effort[:, 1 - wheel]
-    v, w = speeds[:, wheel], speeds[:, 1 - wheel]
+    u, v = data.effort[:, wheel], speeds[:, wheel]
     top = max(float(np.max(np.abs(speeds))), 1e-6)
-    x, z = v / top, w / top
+    x = v / top
     time = _elapsed(data)
     moving = np.abs(v) > 1e-3 * top
     sign = np.where(moving, np.sign(v), 0.0)
@@ -151,16 +150,11 @@ def features(data: SetData, speeds: FloatArray, wheel: int, tau: float) -> Float
         u**3,
         np.abs(u),
         u**2,
-        other,
-        np.abs(other) * np.sign(u),
         x * np.abs(x),
         x**3,
         np.abs(x),
         x**2,
         sign,
-        z,
-        x - z,
-        np.sign(x - z) * (np.abs(x - z) > 0.02),
         sign * np.exp(-np.abs(x) / 0.05),
         sign * np.exp(-np.abs(x) / 0.15),
         np.sign(u) * (np.abs(u) < 0.12),
@@ -177,9 +171,20 @@ def features(data: SetData, speeds: FloatArray, wheel: int, tau: float) -> Float
         time**2 * u,
         time**2 * x,
         _heat(data, wheel) * u,
-        np.abs(u) * u * (np.abs(other)),
         u * np.abs(u - x),
     ]
+    driven = u
+    if len(data.sides) == 2:
+        other, z = data.effort[:, 1 - wheel], speeds[:, 1 - wheel] / top
+        driven = 0.5 * (u + other)
+        torque += [
+            other,
+            np.abs(other) * np.sign(u),
+            z,
+            x - z,
+            np.sign(x - z) * (np.abs(x - z) > 0.02),
+            np.abs(u) * u * (np.abs(other)),
+        ]
     angle = None if data.angle_rad is None else data.angle_rad[:, wheel]
     if angle is not None:
         torque += [trig(k * angle) * moving for k in (1, 2, 3, 4, 6) for trig in (np.sin, np.cos)]
@@ -190,7 +195,7 @@ def features(data: SetData, speeds: FloatArray, wheel: int, tau: float) -> Float
         torque += _position_forces(data, place, data.heading_rad)
     through = _lag(data, np.stack(torque, axis=1), tau)
     plain = [x, x * np.abs(x), x**3, np.abs(x), time * x, *_steps(data, u)]
-    plain += _transients(data, 0.5 * (u + other))
+    plain += _transients(data, driven)
     if angle is not None:
         plain += [trig(k * angle) * x for k in (1, 2) for trig in (np.sin, np.cos)]
     return np.concatenate((through, np.stack(plain, axis=1)), axis=1)
@@ -253,12 +258,12 @@ def _steps(data: SetData, u: FloatArray) -> list[FloatArray]:
 def _transients(data: SetData, u: FloatArray) -> list[FloatArray]:
     """Damped oscillations after changes of effort, in phase and quadrature; at rest before a segment."""
     interval_s = interval_of(data)
+    change = np.diff(u, prepend=u[0])
+    change[data.first] = 0.0
     out = []
     for hertz in TRANSIENT_HZ[TRANSIENT_HZ * interval_s < 0.2]:
         pole = np.exp(2.0 * np.pi * hertz * interval_s * (1j - TRANSIENT_DAMPING))
-        transient = np.zeros(len(u), dtype=complex)
-        for a, b in zip(data.starts[:-1], data.starts[1:], strict=True):
-            transient[a:b] = _one_pole(1.0, pole, np.diff(u[a:b], prepend=u[a]))
+        transient = _one_pole(1.0, pole, change, data.starts)
         out += [transient.real, transient.imag]
     return out
 
@@ -266,32 +271,34 @@ def _transients(data: SetData, u: FloatArray) -> list[FloatArray]:
 def _lag(data: SetData, columns: FloatArray, tau: float) -> FloatArray:
     """First-order lag of each column within each segment (exact for even steps)."""
     keep = float(np.exp(-interval_of(data) / max(tau, 1e-3)))
-    out = np.empty_like(columns)
-    for a, b in zip(data.starts[:-1], data.starts[1:], strict=True):
-        out[a:b] = _one_pole(1.0 - keep, keep, columns[a:b])
-    return out
+    return _one_pole(1.0 - keep, keep, columns, data.starts)
 
 
-def _one_pole(gain: float, pole: complex, values: FloatArray) -> NDArray[Any]:
-    """y[n] = pole y[n - 1] + gain values[n], along the first axis.
+def _one_pole(gain: float, pole: complex, values: FloatArray, starts: IntArray) -> NDArray[Any]:
+    """y[n] = pole y[n - 1] + gain values[n], along the first axis; from zero at each of `starts`.
 
     (scipy.signal.lfilter does the same, at half a second of import time.)
     """
     columns = np.ascontiguousarray(values if values.ndim > 1 else values[:, None])
     out = np.empty(columns.shape, dtype=np.result_type(pole, columns))
-    _recursion(gain, pole, columns, out)
+    _recursion(gain, pole, columns, starts, out)
     return out.reshape(values.shape)
 
 
 @compiled
 def _recursion(
-    gain: float, pole: complex, values: NDArray[np.floating[Any]], out: NDArray[np.inexact[Any]]
+    gain: float,
+    pole: complex,
+    values: NDArray[np.floating[Any]],
+    starts: IntArray,
+    out: NDArray[np.inexact[Any]],
 ) -> None:
-    for column in range(values.shape[1]):
-        last = 0.0 * pole
-        for row in range(values.shape[0]):
-            last = pole * last + gain * values[row, column]
-            out[row, column] = last
+    for segment in range(len(starts) - 1):
+        for column in range(values.shape[1]):
+            last = 0.0 * pole
+            for row in range(starts[segment], starts[segment + 1]):
+                last = pole * last + gain * values[row, column]
+                out[row, column] = last
 
 
 def _elapsed(data: SetData) -> FloatArray:
@@ -303,7 +310,7 @@ def _elapsed(data: SetData) -> FloatArray:
 def _heat(data: SetData, wheel: int) -> FloatArray:
     """Squared effort through a lag of half a minute: winding heating or battery discharge."""
     keep = float(np.exp(-interval_of(data) / 30.0))
-    return _one_pole(1.0 - keep, keep, data.effort[:, wheel] ** 2)
+    return _one_pole(1.0 - keep, keep, data.effort[:, wheel] ** 2, data.starts[[0, -1]])
 
 
 def interval_of(data: SetData) -> float:
@@ -342,7 +349,7 @@ def find_bursts(data: SetData, white: FloatArray) -> Bursts:
     run = np.zeros(len(size), dtype=np.int64)
     run[stretch] = data.run_of_row
     share, rows = np.zeros(2), np.zeros_like(white)
-    for wheel in range(2):
+    for wheel in data.judged_sides:
         energy = np.bincount(stretch, white[:, wheel] ** 2)
         mean = energy / size
         active = mean > 0.05 * float(np.mean(mean))

@@ -248,10 +248,15 @@ def _errors(reasoning: Reasoning, base: HeldOut, shown: _Evaluated) -> FitErrors
         given,
         refit,
         model,
-        min(float(np.sqrt(np.mean(problem.floor.rms**2))), model),
+        min(mean_of_judged(problem, problem.floor.rms), model),
         heldout_refit_rmse=base.rmse(problem.measured),
         heldout_model_rmse=shown.held_out.rmse(problem.measured),
     )
+
+
+def mean_of_judged(problem: Problem, rms: FloatArray) -> float:
+    """Root mean square of the noise of both wheels (2,), or of the one that was measured."""
+    return float(np.sqrt(np.mean(rms[list(problem.data.judged_sides)] ** 2)))
 
 
 def _pose_errors(reasoning: Reasoning, shown: Fit) -> FitErrors | None:
@@ -385,7 +390,7 @@ def _noise(problem: Problem) -> tuple[SignalNoise, ...]:
 
 def _splits(problem: Problem, folds: IntArray, before: HeldOut, after: HeldOut) -> tuple[Split, ...]:
     data = problem.data
-    floor = float(np.sqrt(np.mean(problem.noise.rms**2)))
+    floor = mean_of_judged(problem, problem.noise.rms)
     out = []
     for part in np.unique(folds):
         rows = folds == part

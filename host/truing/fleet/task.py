@@ -182,7 +182,7 @@ def _diagnosis(recordings: RecordingSet) -> Diagnosis:
 
     # One thread: the fleet's own tasks fill the processors.
     options = Options(jobs=1).suiting(recordings)
-    compile_once(lambda _text: None)
+    compile_once(lambda _text: None, wheels=len(recordings.wheels))
     return diagnose(with_what_to_compare(recordings, options, lambda _text: None), options)
 
 

@@ -60,6 +60,8 @@ def blank_stale(truth: FloatArray, travel: FloatArray, starts: IntArray) -> None
     A camera slower than the log holds its last pose, and a file that knows the end point alone has to
     fill its cells with something.
     """
+    if not np.isfinite(truth).any():
+        return
     for a, b in pairwise(starts):
         held = a
         for k in range(a + 1, b):

@@ -86,6 +86,7 @@ class SetData:
     heading_source : "truth", "gyro", "odometry", "wheels", or "".
     commanded : wheel speeds are not used, and the pose is compared with what the efforts command.
     instant : each row holds the speed at its time, not the mean over its interval.
+    sides : the columns that are simulated: both, or the left one that is a single axis.
     """
 
     names: tuple[str, ...]
@@ -121,6 +122,7 @@ class SetData:
     modes: tuple[tuple[str, ...] | None, ...] = field(default=())
     commanded: bool = False
     instant: bool = False
+    sides: tuple[int, ...] = (0, 1)
 
     def __len__(self) -> int:
         return len(self.t_s)
@@ -153,6 +155,15 @@ class SetData:
         if self.commanded:
             return np.zeros_like(self.valid)
         return np.asarray(self.valid & self.judged[:, None])
+
+    @property
+    def judged_sides(self) -> tuple[int, ...]:
+        """The columns with a valid measurement: those that the recordings say anything of.
+
+        A pose that is compared with the commands says something of both.
+        """
+        found = tuple(w for w in self.sides if self.valid[:, w].any())
+        return self.sides if self.commanded else found or self.sides
 
     @property
     def first(self) -> BoolArray:
@@ -237,6 +248,7 @@ def set_data(
     speed = joined.join([np.stack(pair, axis=1) for pair in measured])
     travel = joined.join([wheel_travels(run, baseline) for run in runs])
     angle, origin = wheel_angles(joined, baseline)
+    sides = tuple(WHEELS.index(wheel) for wheel in recordings.wheels)
     positions = _positions(joined, baseline, travel)
     truth, odometry = _poses(joined, travel, commanded, recordings.name)
     gyro = joined.column(GYRO_COLUMN)
@@ -255,7 +267,7 @@ def set_data(
         effort=effort,
         pieces=held_pieces(t_s, effort, starts, interval_s),
         speed_mps=speed,
-        valid=_valid(joined, baseline, measured, repeated),
+        valid=_valid(joined, baseline, measured, repeated) & np.isin((0, 1), sides),
         stands_for=_rows_of_measurements(joined, repeated),
         source=source,
         resolution_mps=_resolution(joined, baseline, source, travel),
@@ -275,6 +287,7 @@ def set_data(
         modes=tuple(run.mode for run in runs),
         commanded=commanded,
         instant=instant,
+        sides=sides,
     )
 
 

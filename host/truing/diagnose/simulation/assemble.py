@@ -29,6 +29,8 @@ from truing.model import compiled, kernel
 from truing.model.code_cache import code_folder
 
 BASELINE_PARAMETERS = 4
+# Stages that a single wheel has not.
+BETWEEN_WHEELS = ("scrub", "coupling")
 # The written stages take the place of its `stage.py`.
 KERNEL = Path(__file__).parent / "kernel"
 _WITH_WHEEL = {
@@ -49,9 +51,10 @@ def parameter_offsets(catalogue: Catalogue) -> dict[str, int]:
 
 
 class _Writer:
-    """Writes the stage functions of one catalogue."""
+    """Writes the stage functions of one catalogue, for two wheels or for one that is a single axis."""
 
-    def __init__(self, catalogue: Catalogue) -> None:
+    def __init__(self, catalogue: Catalogue, wheels: int) -> None:
+        self.wheels = wheels
         self.entries: Mapping[str, Entry] = catalogue.entries
         self.offsets = parameter_offsets(catalogue)
         self.bit = {name: index for index, name in enumerate(catalogue.names)}
@@ -80,8 +83,10 @@ class _Writer:
         for name, entry in self.entries.items():
             lines.append(f"import {entry.module} as _{name}")
             lines += [f"_{name}_{hook} = part(_{name}.{hook})" for hook in entry.hooks]
+        lines.append(f"WHEELS = {self.wheels}")
         for hook in (*STAGES, "slow", "after_step"):
-            lines.append(f"USES_{hook.upper()} = {self._uses(hook)}")
+            absent = self.wheels == 1 and hook in BETWEEN_WHEELS
+            lines.append(f"USES_{hook.upper()} = {0 if absent else self._uses(hook)}")
         lines.append(f"USES_ANGLE = {self._uses('push', 'angle_start') | self._uses('push', 'angle_end')}")
         speed = self._uses("friction", "speed") | self._uses("supply") | self._uses("coupling")
         lines.append(f"USES_SPEED = {speed}")
@@ -192,9 +197,9 @@ class Kernel:
 
 
 @cache
-def kernel_of(catalogue: Catalogue) -> Kernel:
-    """The simulation for these effects."""
-    stages = _Writer(catalogue).source()
+def kernel_of(catalogue: Catalogue, wheels: int = 2) -> Kernel:
+    """The simulation for these effects; of one wheel, the left one, where it is a single axis."""
+    stages = _Writer(catalogue, wheels).source()
     mark = _fingerprint(catalogue, stages)
     name = f"truing_kernel_{mark}"
     _import_package(name, stages, code_folder() / "truing_kernels")

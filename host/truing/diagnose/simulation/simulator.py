@@ -14,7 +14,7 @@ import numpy as np
 from truing.arrays import BoolArray, FloatArray, IntArray
 from truing.diagnose.catalogue import CATALOGUE, Catalogue
 from truing.diagnose.data.set_data import GRAVITY, SetData
-from truing.diagnose.effect import Parameter, Scale
+from truing.diagnose.effect import SIDES, Parameter, Scale
 from truing.diagnose.simulation.assemble import BASELINE_PARAMETERS, kernel_of, parameter_offsets
 from truing.diagnose.simulation.state import Inputs, Scratch, new_scratch
 from truing.diagnose.simulation.windows import Windows, pose_windows
@@ -93,7 +93,7 @@ class SetSimulator:
         self._windows: dict[float, Windows] = {}
         self._chosen = np.arange(data.segments, dtype=np.int64)
         self._rows = np.arange(len(data))
-        self._kernel = kernel_of(catalogue)
+        self._kernel = kernel_of(catalogue, len(data.sides))
         self._offsets = parameter_offsets(catalogue)
         self._prepare()
         self.layout = self._make_layout()
@@ -244,7 +244,7 @@ class SetSimulator:
         coupled = any(
             self.catalogue[name].couples for name, use in zip(self.catalogue.names, on, strict=True) if use
         )
-        waiting = dict(enumerate(free))
+        waiting = {column: index for column, index in enumerate(free) if self._is_simulated(index)}
         while waiting:
             column, index = next(iter(waiting.items()))
             del waiting[column]
@@ -268,6 +268,11 @@ class SetSimulator:
                     wheel = 0 if self.layout.wheel[place] == "left" else 1
                     out[:, wheel, which] = change[:, wheel] / size
         return out
+
+    def _is_simulated(self, index: int) -> bool:
+        """Whether a number belongs to a wheel that is simulated, or to no single one."""
+        side = self.layout.wheel[index]
+        return side is None or SIDES.index(side) in self.data.sides
 
     def derivative_step(self, theta: FloatArray, index: int) -> float:
         """A step for differences that stays within the bounds."""

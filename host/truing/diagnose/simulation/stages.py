@@ -45,7 +45,7 @@ STAGES: dict[str, Stage] = {
     "supply": Stage(
         "product",
         ("duty_square", "duty_speed", "slow"),
-        "supply voltage over nominal; duty_square and duty_speed are half the sums over both wheels of "
+        "supply voltage over nominal; duty_square and duty_speed are the means over the wheels of "
         "u^2 and u e v / g (the load current of a pulse-width bridge is u (u V - e v / g))",
     ),
     "back_emf": Stage("product", (), "back-EMF at the full-effort speed, over the supply"),
@@ -105,7 +105,7 @@ STAGES: dict[str, Stage] = {
 # Hooks of another form, called with arrays or with a state of their own:
 # slow(dt, heat, draw, elapsed, out): once per simulation, after a first pass without the slow effects.
 #   dt (n,) s; heat (n, 2) mean squared motor current over the row, of stall current; draw (n,) mean battery
-#   current, of both motors at stall; out (n, 2), written; a hook's `slow` is its own entry at the current
+#   current, of all motors at stall; out (n, 2), written; a hook's `slow` is its own entry at the current
 #   row and wheel.
 # after_step(state, wheel, h, speed_start, speed_end, travel): returns the effect's state of one wheel after a
 #   substep; it starts a segment as the wheel's speed.

@@ -86,7 +86,7 @@ WHEEL = np.dtype([
 ], align=True)  # fmt: skip
 
 BOTH = np.dtype([
-    ("draw", float),  # s, integral of the battery current over the row, of both motors at stall
+    ("draw", float),  # s, integral over the row of the motors' battery currents, of one at stall
     ("scrub", float),  # share of the scrub that acts, -1..1
     ("locked", bool),  # scrub keeps both wheels at one speed
     ("lag", EXPONENTIAL),  # of the lag between driver and motor
@@ -157,7 +157,7 @@ class Scratch(NamedTuple):
 
 
 def new_scratch(rows: int, slow_slots: int, state_slots: int) -> Scratch:
-    """Scratch for a set of this many rows."""
+    """Scratch for a set of this many rows; the columns of a side that is not simulated stay zero."""
     return Scratch(
         speed=np.zeros((rows, 2)),
         lost=np.zeros((rows, 2)),

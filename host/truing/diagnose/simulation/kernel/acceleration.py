@@ -21,7 +21,7 @@ def evaluate(
     """Set level and rate of both wheels at their `operating_speed`; what is held is decided if `starting`."""
     p, active, limit = robot.p, robot.active, robot.torque_limit
     voltage = _supply(robot, wheels, row)
-    for w in range(2):
+    for w in range(stage.WHEELS):
         wheel = wheels[w]
         wheel.effort = wheel.mean_duty * voltage
         if starting:
@@ -33,13 +33,13 @@ def evaluate(
             v = wheel.operating_speed
             wheel.direction = math.copysign(1.0, v if v != 0.0 else wheel.start_duty * voltage + wheel.push)
     for again in range(2):
-        for w in range(2):
+        for w in range(stage.WHEELS):
             _set_numbers(robot, wheels[w], w, row, elapsed, starting)
         if again == 1 or not starting or not active & stage.USES_SCRUB:
             break
         if not _scrub(wheels, both, limit, robot.scrub):
             break
-    for w in range(2):
+    for w in range(stage.WHEELS):
         wheel = wheels[w]
         sign = 1.0 - 2.0 * w  # scrub slows the left wheel down and drags the right one along
         extra = wheel.push - sign * robot.scrub * both.scrub
@@ -58,7 +58,7 @@ def evaluate(
     if active & stage.USES_COUPLING:
         _couple(wheels, robot.coupling, starting)
     if active & stage.USES_SPEED_LIMIT and starting:
-        for w in range(2):
+        for w in range(stage.WHEELS):
             wheel = wheels[w]
             v = wheel.operating_speed
             if abs(v) >= robot.speed_limit and (wheel.level - wheel.rate * v) * v > 0.0:
@@ -72,10 +72,11 @@ def _supply(robot: Robot, wheels: Records, row: int) -> float:
     if not robot.active & stage.USES_SUPPLY:
         return 1.0
     square, speed = 0.0, 0.0
-    for w in range(2):
+    for w in range(stage.WHEELS):
         mean = wheels[w].mean_duty
-        square += 0.5 * mean * mean
-        speed += 0.5 * mean * robot.back_emf * wheels[w].operating_speed / robot.p[2 * w]
+        square += mean * mean
+        speed += mean * robot.back_emf * wheels[w].operating_speed / robot.p[2 * w]
+    square, speed = square / stage.WHEELS, speed / stage.WHEELS
     return float(stage.supply(robot.p, robot.active, 0, row, robot.slows, square, speed))
 
 

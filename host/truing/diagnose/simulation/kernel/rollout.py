@@ -1,4 +1,4 @@
-"""Both wheels through all segments, substep by substep (`step.py`), row by row.
+"""The wheels through all segments, substep by substep (`step.py`), row by row.
 
 A substep always ends where the input changes and where a row does.
 """
@@ -104,7 +104,7 @@ def _start_segment(robot: Robot, inputs: Inputs, scratch: Scratch, segment: int,
     """Both wheels at their initial speeds; `in_gap`: where the motors stand in their gaps is known."""
     first = inputs.start[segment]
     scratch.draw[first] = 0.0
-    for w in range(2):
+    for w in range(stage.WHEELS):
         wheel = scratch.wheels[w]
         speed = inputs.initial[segment, w]
         forget(wheel.whole)
@@ -144,7 +144,7 @@ def _read_input(robot: Robot, inputs: Inputs, wheels: Records, segment: int, now
     """Set both wheels' input as it is at `now`; returns when it changes next, s."""
     begin = inputs.t[inputs.start[segment]]
     until = math.inf
-    for w in range(2):
+    for w in range(stage.WHEELS):
         wheel, delay = wheels[w], robot.delay[w]
         arrival = begin - inputs.interval[segment] + delay
         if now < arrival - TINY_S:
@@ -164,7 +164,7 @@ def _read_input(robot: Robot, inputs: Inputs, wheels: Records, segment: int, now
 
 @part
 def _start_row(scratch: Scratch) -> None:
-    for w in range(2):
+    for w in range(stage.WHEELS):
         wheel = scratch.wheels[w]
         wheel.travel_before = wheel.travel
         wheel.ground_before = wheel.ground
@@ -191,7 +191,7 @@ def _substep(
     for _ in range(MAX_EVENTS):
         at = end - left
         if robot.active & stage.USES_ANGLE:
-            for w in range(2):
+            for w in range(stage.WHEELS):
                 wheels[w].angle_start = _angle(inputs, row, w, (at - before) / dt)
                 wheels[w].angle_end = _angle(inputs, row, w, (at + left - before) / dt)
         z = (at + 0.5 * left - before) / dt
@@ -219,7 +219,7 @@ def _angle(inputs: Inputs, row: int, w: int, z: float) -> float:
 def _finish_row(robot: Robot, inputs: Inputs, scratch: Scratch, row: int) -> None:
     """Write what the recorder would report of the row, and what was lost on the way to the ground."""
     active, dt = robot.active, inputs.dt[row]
-    for w in range(2):
+    for w in range(stage.WHEELS):
         wheel = scratch.wheels[w]
         increment = wheel.travel - wheel.travel_before
         scratch.lost[row, w] = 0.0
@@ -234,4 +234,4 @@ def _finish_row(robot: Robot, inputs: Inputs, scratch: Scratch, row: int) -> Non
             )  # fmt: skip
         scratch.speed[row, w] = increment / dt
         scratch.heat[row, w] = wheel.heat / dt
-    scratch.draw[row] = scratch.both[0].draw / dt
+    scratch.draw[row] = scratch.both[0].draw / (stage.WHEELS * dt)

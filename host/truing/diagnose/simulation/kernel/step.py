@@ -56,16 +56,14 @@ def step(
         if event == NO_EVENT or when >= h * (1.0 - 1e-9) or attempt == LAST_ATTEMPT:
             break
         h = max(when, TINY_S)
-    for w in range(2):
+    for w in range(stage.WHEELS):
         if split:
             _advance_bodies(robot, wheels[w], w, h)
         else:
             _advance(robot, wheels[w], h, event == w, goal)
-    left, right = wheels[0], wheels[1]
-    if not split and (event == MEETING or both.locked) and not left.held and not right.held:
-        left.end = 0.5 * (left.end + right.end)
-        right.end = left.end
-    for w in range(2):
+    if not split and (event == MEETING or both.locked):
+        _join(wheels[0], wheels[1])
+    for w in range(stage.WHEELS):
         _finish(robot, wheels[w], both, w, h, track)
     return h
 
@@ -77,7 +75,7 @@ def _set_duties(robot: Robot, wheels: Records, both: Record, h: float) -> float:
     if robot.lag > 0.0:
         remember(both.lag, 1.0 / robot.lag, h)
         share = both.lag.integral / h
-    for w in range(2):
+    for w in range(stage.WHEELS):
         wheel = wheels[w]
         wheel.operating_speed = wheel.speed
         wheel.start_duty = wheel.duty if robot.lag > 0.0 else wheel.target
@@ -90,13 +88,21 @@ def _set_duties(robot: Robot, wheels: Records, both: Record, h: float) -> float:
 @part
 def _predict_middle(robot: Robot, wheels: Records, h: float) -> None:
     """Set the speeds of the substep's middle."""
-    for w in range(2):
+    for w in range(stage.WHEELS):
         wheel = wheels[w]
         if not wheel.held:
             remember(wheel.half, wheel.rate, 0.5 * h)
             v = wheel.speed * wheel.half.keep + wheel.level * wheel.half.integral
             reversed_ = robot.active & stage.USES_DIRECTION and v * wheel.direction < 0.0
             wheel.operating_speed = 0.0 if reversed_ else v
+
+
+@part
+def _join(left: Record, right: Record) -> None:
+    """Two wheels that have met at one speed, unless one is held, end the substep at one speed."""
+    if not left.held and not right.held:
+        left.end = 0.5 * (left.end + right.end)
+        right.end = left.end
 
 
 @part
@@ -127,7 +133,7 @@ def _first_event(
     """
     lag, active = robot.lag, robot.active
     first, event = h, NO_EVENT
-    for w in range(2):
+    for w in range(stage.WHEELS):
         wheel = wheels[w]
         v = wheel.speed
         wheel.end = v
@@ -276,7 +282,7 @@ def _finish(robot: Robot, wheel: Record, both: Record, w: int, h: float, track: 
     if track:
         current = wheel.effort - robot.back_emf * wheel.distance / (h * robot.p[2 * w])
         wheel.heat += current * current * h
-        both.draw += 0.5 * wheel.mean_duty * current * h
+        both.draw += wheel.mean_duty * current * h
     if active & stage.USES_AFTER_STEP:
         stage.after_step(robot.p, active, w, robot.states, h, wheel.speed, wheel.end, wheel.distance)
     wheel.travel += wheel.distance
