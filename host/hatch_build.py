@@ -18,7 +18,7 @@ from typing import Any
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 LIBRARIES = ("libhil_sim.so", "libhost_robot.so")
-IMAGE = "truing-f405.elf"
+IMAGES = ("truing-f405.elf", "truing-f405.update")
 # The rooms whose public headers hil_sim reads its structs from.
 HEADERS = ("board", "plant", "rig", "host_robot")
 
@@ -47,7 +47,8 @@ class CustomBuildHook(BuildHookInterface[Any]):
         except NotBuiltError as error:
             self._say(f"a wheel without the virtual board: {error}")
         try:
-            into[str(self._image(root))] = f"truing/built/{IMAGE}"
+            for image in self._images(root):
+                into[str(image)] = f"truing/built/{image.name}"
         except NotBuiltError as error:
             self._say(f"a wheel without the firmware's image: {error}")
 
@@ -63,11 +64,11 @@ class CustomBuildHook(BuildHookInterface[Any]):
         _call(root, "cmake", "--install", "build/host", *install)
         return [folder / "hil_sim" / name for name in LIBRARIES]
 
-    def _image(self, root: Path) -> Path:
-        """Build the firmware's image."""
+    def _images(self, root: Path) -> list[Path]:
+        """Build the firmware's image, and the same as an update."""
         _need("cmake", "ninja", "arm-none-eabi-gcc")
         _build(root, "stm32f405", "all")
-        return root / "build/stm32f405/firmware" / IMAGE
+        return [root / "build/stm32f405/firmware" / name for name in IMAGES]
 
     def _say(self, text: str) -> None:
         self.app.display_warning(f"truing: {text}")

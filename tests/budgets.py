@@ -89,8 +89,8 @@ def memory(image: Path) -> list[Budget]:
                 if section["sh_flags"] & 2 and 0 <= section["sh_addr"] - start < size:
                     used[name] += section["sh_size"]
     return [
-        Budget("flash, sector 0", used["vectors"], "B", SECTOR_0, "the sector; parameters follow"),
-        Budget("flash, code and constants", used["code"], "B", SECTORS_3_4, "sectors 3 and 4: two erases"),
+        Budget("flash, loader", used["vectors"], "B", SECTOR_0, "sector 0; parameters follow"),
+        Budget("flash, code and constants", used["code"], "B", SECTORS_3_4, "a slot: sectors 3 and 4"),
         Budget("SRAM", used["SRAM"], "B", SRAM, "what there is"),
         Budget("CCM", used["CCM"], "B", CCM, "what there is"),
     ]

@@ -17,7 +17,16 @@ MAY_INCLUDE: dict[str, tuple[str, ...]] = {
     "firmware/hal": (),
     "firmware/hal/host": ("firmware/hal",),
     "firmware/core": ("protocol/c", "firmware/hal/hal.h"),
-    "firmware/stm32f405": ("firmware/core/controller.h", "firmware/hal/hal.h"),
+    "firmware/stm32f405": (
+        "firmware/core/controller.h",
+        "firmware/core/image_slot.h",
+        "firmware/hal/hal.h",
+    ),
+    "firmware/stm32f405/loader": (
+        "firmware/core/image_slot.h",
+        "firmware/stm32f405",
+        "protocol/c",
+    ),
     "firmware/stm32f405/boards": (),
     "hil_sim/board": ("<unicorn/unicorn.h>",),
     "hil_sim/plant": (),

@@ -24,7 +24,7 @@ def findings(cache: Path) -> list[tuple[str, str, str]]:
     cache.mkdir(parents=True, exist_ok=True)
     command = ["cppcheck", "--quiet", "--std=c11", "--addon=misra", f"--cppcheck-build-dir={cache}"]
     command += ["--suppress=missingIncludeSystem", "--template={id} {file} {line}"]
-    command += ["-Iprotocol/c", "-Ifirmware/core", "-Ifirmware/hal"]
+    command += ["-Iprotocol/c", "-Ifirmware/core", "-Ifirmware/hal", "-Ifirmware/stm32f405"]
     run = subprocess.run([*command, *CHECKED], cwd=ROOT, capture_output=True, text=True, check=True)
     if "Bailing out" in run.stderr or "Failed to execute" in run.stderr:
         sys.exit(run.stderr)

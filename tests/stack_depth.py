@@ -5,6 +5,7 @@ function of the constant tables that the calling function refers to. Frame sizes
 (``-fstack-usage``); of what it did not compile, all pushes of the function together.
 """
 
+import json
 import re
 import subprocess
 from bisect import bisect_right
@@ -19,6 +20,7 @@ EXCEPTION_FRAME = 108
 """Bytes that exception entry stacks: 26 words with the FP context, one more to align (PM0214 2.3.7)."""
 VECTORS = 98
 RESET, UNEXPECTED = "Reset_Handler", "unexpected_interrupt"
+LOADER = "-loader.dir/"  # the folder of its objects ends like this
 FAULTS = ("fault_entry", UNEXPECTED, "NMI_Handler")  # above every priority; each ends in a reset
 
 
@@ -211,10 +213,24 @@ class Image:
         return found
 
 
+def _usage_files(folder: Path) -> list[Path]:
+    """Those of the build as it is now; what an earlier one left, and the loader's, are of other code."""
+    files = list(folder.rglob("*.su"))
+    commands = folder / "compile_commands.json"
+    if not commands.is_file():
+        return files
+    of_now = {
+        (folder / made[1]).with_suffix(".su")
+        for entry in json.loads(commands.read_text())
+        if (made := re.search(r" -o (\S+)", entry["command"]))
+    }
+    return [file for file in files if file in of_now and LOADER not in file.as_posix()]
+
+
 def frames(folder: Path) -> dict[str, int]:
     """The compiler's frame of each function, bytes; of two static ones of one name, the larger."""
     found: dict[str, int] = defaultdict(int)
-    for file in folder.rglob("*.su"):
+    for file in _usage_files(folder):
         for line in file.read_text().splitlines():
             place, size, kind = line.split("\t")
             if kind != "static":

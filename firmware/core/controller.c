@@ -21,6 +21,7 @@ void controller_init(struct controller *controller)
     controller->polled_at_ms = 0;
     controller->sequence_port = PORT_SERIAL;
     controller->bus_off = false;
+    update_init(&controller->update);
     robot_init(&controller->robot, controller->identity.boot_id, boot_faults(&controller->identity));
 }
 
@@ -152,5 +153,6 @@ void controller_poll(struct controller *controller)
     if (now_ms != controller->polled_at_ms) {
         controller->polled_at_ms = now_ms;
         watch_bus(controller, now_ms);
+        update_step(&controller->update, now_ms);
     }
 }

@@ -10,6 +10,7 @@
 #include "link.h"
 #include "robot_state.h"
 #include "stop_listener.h"
+#include "update.h"
 
 enum {
     CONTROLLER_TICK_HZ = 1000,
@@ -40,6 +41,7 @@ struct controller {
     struct link link;
     struct can_link can;
     struct stop_listener listener;
+    struct update update;
     struct hal_identity identity;
     uint8_t port;                               /* of the request that is being answered */
     uint8_t sequence_port;                      /* of the host that started the last sequence */

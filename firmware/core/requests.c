@@ -6,6 +6,7 @@
 #include "boot.h"
 #include "requests_log.h"
 #include "requests_parameters.h"
+#include "requests_update.h"
 #include "robot.h"
 #include "robot_time.h"
 
@@ -55,6 +56,7 @@ static struct refusal answer_hello(struct controller *controller, const struct f
     }
     /* A hello means that the host has restarted: its sequence numbers may repeat earlier ones. */
     controller->cache[controller->port].valid = false;
+    controller->update.greeted = true; /* this image can be spoken to: enough to keep it */
     const struct hal_identity *const identity = &controller->identity;
     struct proto_hello_reply out = {
         .protocol_version = PROTO_VERSION,
@@ -359,7 +361,9 @@ static struct refusal answer_arm(struct controller *controller, const struct fra
     if (!proto_arm_request_decode(&in, request->payload, request->payload_length)) {
         return bad_length(request);
     }
-    return robot_arm(&controller->robot, in.boot_id);
+    return controller->update.receiving
+               ? refused(PROTO_REFUSAL_REASON_UPDATE_UNDER_WAY, controller->update.next)
+               : robot_arm(&controller->robot, in.boot_id);
 }
 
 _Static_assert((int)HAL_CAN_OFF == (int)PROTO_CAN_BUS_STATE_OFF &&
@@ -432,6 +436,37 @@ static struct refusal answer_stream_read(struct controller *controller, const st
     return accepted();
 }
 
+static struct refusal answer_update_state(struct controller *controller, const struct frame *request,
+                                          struct reply *reply)
+{
+    return requests_update_state(&controller->update, request, reply);
+}
+
+static struct refusal answer_update_begin(struct controller *controller, const struct frame *request,
+                                          struct reply *reply)
+{
+    return requests_update_begin(&controller->update, &controller->robot, request, reply);
+}
+
+static struct refusal answer_update_data(struct controller *controller, const struct frame *request,
+                                         struct reply *reply)
+{
+    return requests_update_data(&controller->update, controller->robot.now_ms, request, reply);
+}
+
+static struct refusal answer_update_finish(struct controller *controller, const struct frame *request,
+                                           struct reply *reply)
+{
+    return requests_update_finish(&controller->update, request, reply);
+}
+
+static struct refusal answer_restart(struct controller *controller, const struct frame *request,
+                                     struct reply *reply)
+{
+    (void)reply;
+    return requests_restart(&controller->update, &controller->robot, request);
+}
+
 /* The dispatcher has already executed the stop, whatever its payload and however often it is repeated. */
 static struct refusal answer_stop(struct controller *controller, const struct frame *request,
                                   struct reply *reply)
@@ -474,6 +509,11 @@ static const struct entry entries[] = {
     {PROTO_ID_CAN_STATE, false, answer_can_state},
     {PROTO_ID_STREAM_START, false, answer_stream_start},
     {PROTO_ID_STREAM_READ, true, answer_stream_read},
+    {PROTO_ID_UPDATE_STATE, true, answer_update_state},
+    {PROTO_ID_UPDATE_BEGIN, false, answer_update_begin},
+    {PROTO_ID_UPDATE_DATA, false, answer_update_data},
+    {PROTO_ID_UPDATE_FINISH, false, answer_update_finish},
+    {PROTO_ID_RESTART, false, answer_restart},
 };
 
 _Static_assert(PROTO_PARAM_LIST_REPLY_SIZE <= PROTO_HELLO_REPLY_SIZE, "a hello is the longest short reply");

@@ -65,21 +65,29 @@ struct refusal robot_set_parameter(struct robot *robot, uint16_t index, float va
     }
 }
 
-struct refusal robot_save_parameters(struct robot *robot, struct proto_param_save_reply *out)
+struct refusal robot_prepare_stall(struct robot *robot)
 {
     struct refusal verdict = may_change(robot);
     if (verdict.reason == REFUSAL_NONE && (robot->recorder.active || robot->recorder.opening)) {
         /* Its last record is due at the next tick, and would cover a second in which nothing was measured. */
         verdict = refused(PROTO_REFUSAL_REASON_LOG_BUSY, 0);
     }
+    if (verdict.reason == REFUSAL_NONE) {
+        /* They are braked in every state that leads here. The CPU is about to stall: brake again to be
+         * certain. */
+        const uint32_t state = hal_critical_enter();
+        drive_brake(&robot->drive);
+        hal_critical_exit(state);
+    }
+    return verdict;
+}
+
+struct refusal robot_save_parameters(struct robot *robot, struct proto_param_save_reply *out)
+{
+    const struct refusal verdict = robot_prepare_stall(robot);
     if (verdict.reason != REFUSAL_NONE) {
         return verdict;
     }
-    /* They are braked in every state that leads here. The CPU is about to stall: brake again to be certain.
-     */
-    const uint32_t state = hal_critical_enter();
-    drive_brake(&robot->drive);
-    hal_critical_exit(state);
     const struct parameter_table table = table_of(robot);
     uint32_t missed_ticks;
     const enum parameter_store_result result = parameter_store_save(&robot->store, &table, &missed_ticks);

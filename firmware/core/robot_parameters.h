@@ -12,6 +12,9 @@ void robot_start_parameters(struct robot *robot);
 
 struct refusal robot_set_parameter(struct robot *robot, uint16_t index, float value);
 
+/* Brakes for what stalls the CPU; refused while anything moves or a log is written. */
+struct refusal robot_prepare_stall(struct robot *robot);
+
 /* The CPU is stalled for up to a second; afterwards device time has moved on by as much. */
 struct refusal robot_save_parameters(struct robot *robot, struct proto_param_save_reply *out);
 

@@ -148,6 +148,22 @@ bool hal_store_program(uint32_t slot, uint32_t offset, uint32_t word);
 
 void hal_store_read(uint32_t slot, uint32_t offset, uint8_t *out, size_t length);
 
+/* Two slots for an image of the firmware, in memory of the same kind; the image that runs lies in one. */
+enum { HAL_IMAGE_SLOTS = 2 };
+uint32_t hal_image_running(void);
+uint32_t hal_image_size(void); /* bytes of a slot */
+void hal_image_read(uint32_t slot, uint32_t offset, uint8_t *out, size_t length);
+
+/* As hal_store_program. */
+bool hal_image_program(uint32_t slot, uint32_t offset, uint32_t word);
+
+/* A slot is erased in pieces; the CPU is stalled for up to 2 s for each. Not the slot that runs. */
+uint32_t hal_image_sectors(uint32_t slot);
+bool hal_image_erase(uint32_t slot, uint32_t sector, uint32_t *missed_ticks);
+
+/* Starts the board anew. In a test it returns. */
+void hal_restart(void);
+
 /* Memory for the log, in up to two pieces; its initial content is undefined. */
 enum { HAL_LOG_MEMORIES = 2 };
 struct hal_memory {

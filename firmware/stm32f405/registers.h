@@ -138,6 +138,7 @@ _Static_assert(sizeof(struct rcc) == 0x78, "RCC_CSR lies at 0x74");
 #define FLASH_ACR_PRFTEN        (1u << 8)
 #define FLASH_ACR_ICEN          (1u << 9)
 #define FLASH_ACR_DCEN          (1u << 10)
+#define FLASH_ACR_ICRST         (1u << 11)
 #define FLASH_ACR_DCRST         (1u << 12)
 #define FLASH_KEYR              (*(reg32 *)0x40023C04u)
 #define FLASH_SR                (*(reg32 *)0x40023C0Cu)

@@ -8,7 +8,6 @@
 #include "startup.h"
 #include "supply.h"
 #include "usart_link.h"
-#include "wiring.h"
 
 /* RM0090 table 61: the F405 has 82 interrupts. */
 enum { INTERRUPTS = 82 };
@@ -67,6 +66,3 @@ __attribute__((section(".vectors"), used)) static const struct vector_table vect
     },
 };
 /* clang-format on */
-
-/* Identifies the image within its bytes: `strings truing-f405.bin`. */
-__attribute__((section(".image_name"), used)) static const char image_name[] = BOARD_IMAGE " " TRUING_VERSION;

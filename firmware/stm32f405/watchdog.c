@@ -6,7 +6,7 @@
  *
  * The erase of a 16 KiB sector takes up to 500 ms by words and 800 ms by bytes (5.3.12). Code in flash is
  * stalled for that long, so the period must be longer then: 1500 counts of 32 clocks are 1.02, 1.5 and 2.82
- * s.
+ * s. One of 64 or 128 KiB takes up to 2 s by words: 3300 counts are 2.25, 3.3 and 6.21 s.
  */
 #include "watchdog.h"
 
@@ -15,7 +15,7 @@
 #include "hal.h"
 #include "registers.h"
 
-enum { SHORT_COUNTS = 200, LONG_COUNTS = 1500 };
+enum { SHORT_COUNTS = 200, LONG_COUNTS = 1500, LONGEST_COUNTS = 3300 };
 
 /* New settings cross into the oscillator's clock within five of its periods (RM0090 section 21.4.4), 0.3 ms
  * at 17 kHz; this many reads take longer. */
@@ -53,9 +53,9 @@ void watchdog_shorten(void)
     set_period(IWDG_PR_DIV4, SHORT_COUNTS);
 }
 
-void watchdog_lengthen(void)
+void watchdog_lengthen(enum watchdog_period period)
 {
-    set_period(IWDG_PR_DIV32, LONG_COUNTS);
+    set_period(IWDG_PR_DIV32, period == WATCHDOG_LARGE_SECTOR ? LONGEST_COUNTS : LONG_COUNTS);
 }
 
 void hal_watchdog_feed(void)

@@ -8,7 +8,10 @@ void watchdog_start(void);
 /* The short period: for as long as ticks come. Takes up to 0.6 ms. */
 void watchdog_shorten(void);
 
-/* The long period, for an erase of the flash, which stalls the CPU. The bridges must be off. */
-void watchdog_lengthen(void);
+/* What the CPU is stalled by: the erase of a sector of 16 KiB, or of a larger one. */
+enum watchdog_period { WATCHDOG_SMALL_SECTOR, WATCHDOG_LARGE_SECTOR };
+
+/* A period that outlasts it. The bridges must be off. */
+void watchdog_lengthen(enum watchdog_period period);
 
 #endif

@@ -1085,6 +1085,166 @@ bool proto_stream_read_reply_decode(struct proto_stream_read_reply *to, const ui
     return true;
 }
 
+size_t proto_update_state_reply_encode(const struct proto_update_state_reply *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_UPDATE_STATE_REPLY_SIZE) {
+        return 0;
+    }
+    put_u8(out + 0, from->running);
+    put_u8(out + 1, from->receiving);
+    put_u16(out + 2, from->next);
+    put_u16(out + 4, from->chunks);
+    put_u16(out + 6, from->chunk_size);
+    put_u32(out + 8, from->slot_size);
+    for (size_t i = 0; i < 2; i++) {
+        put_u8(out + 12 + i * 1, from->states[i]);
+    }
+    for (size_t i = 0; i < 2; i++) {
+        put_u32(out + 14 + i * 4, from->sequences[i]);
+    }
+    put_text(out + 22, from->name_0, 40);
+    put_text(out + 62, from->name_1, 40);
+    return PROTO_UPDATE_STATE_REPLY_SIZE;
+}
+
+bool proto_update_state_reply_decode(struct proto_update_state_reply *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_UPDATE_STATE_REPLY_SIZE) {
+        return false;
+    }
+    to->running = get_u8(in + 0);
+    to->receiving = get_u8(in + 1);
+    to->next = get_u16(in + 2);
+    to->chunks = get_u16(in + 4);
+    to->chunk_size = get_u16(in + 6);
+    to->slot_size = get_u32(in + 8);
+    for (size_t i = 0; i < 2; i++) {
+        to->states[i] = get_u8(in + 12 + i * 1);
+    }
+    for (size_t i = 0; i < 2; i++) {
+        to->sequences[i] = get_u32(in + 14 + i * 4);
+    }
+    memcpy(to->name_0, in + 22, 40);
+    to->name_0[40] = '\0';
+    memcpy(to->name_1, in + 62, 40);
+    to->name_1[40] = '\0';
+    return true;
+}
+
+size_t proto_update_begin_request_encode(const struct proto_update_begin_request *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_UPDATE_BEGIN_REQUEST_SIZE) {
+        return 0;
+    }
+    for (size_t i = 0; i < 32; i++) {
+        put_u8(out + 0 + i * 1, from->head[i]);
+    }
+    put_u32(out + 32, from->size);
+    return PROTO_UPDATE_BEGIN_REQUEST_SIZE;
+}
+
+bool proto_update_begin_request_decode(struct proto_update_begin_request *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_UPDATE_BEGIN_REQUEST_SIZE) {
+        return false;
+    }
+    for (size_t i = 0; i < 32; i++) {
+        to->head[i] = get_u8(in + 0 + i * 1);
+    }
+    to->size = get_u32(in + 32);
+    return true;
+}
+
+size_t proto_update_begin_reply_encode(const struct proto_update_begin_reply *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_UPDATE_BEGIN_REPLY_SIZE) {
+        return 0;
+    }
+    put_u16(out + 0, from->next);
+    put_u16(out + 2, from->stall_ms);
+    return PROTO_UPDATE_BEGIN_REPLY_SIZE;
+}
+
+bool proto_update_begin_reply_decode(struct proto_update_begin_reply *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_UPDATE_BEGIN_REPLY_SIZE) {
+        return false;
+    }
+    to->next = get_u16(in + 0);
+    to->stall_ms = get_u16(in + 2);
+    return true;
+}
+
+size_t proto_update_data_request_encode(const struct proto_update_data_request *from, uint8_t *out, size_t capacity) {
+    const size_t tail = from->data_length;
+    if (capacity < PROTO_UPDATE_DATA_REQUEST_SIZE || tail > capacity - PROTO_UPDATE_DATA_REQUEST_SIZE) {
+        return 0;
+    }
+    put_u16(out + 0, from->index);
+    for (size_t i = 0; i < 32; i++) {
+        put_u8(out + 2 + i * 1, from->next[i]);
+    }
+    if (tail > 0) {
+        memcpy(out + 34, from->data, tail);
+    }
+    return PROTO_UPDATE_DATA_REQUEST_SIZE + tail;
+}
+
+bool proto_update_data_request_decode(struct proto_update_data_request *to, const uint8_t *in, size_t length) {
+    if (length < PROTO_UPDATE_DATA_REQUEST_SIZE) {
+        return false;
+    }
+    to->index = get_u16(in + 0);
+    for (size_t i = 0; i < 32; i++) {
+        to->next[i] = get_u8(in + 2 + i * 1);
+    }
+    to->data = in + 34;
+    to->data_length = length - PROTO_UPDATE_DATA_REQUEST_SIZE;
+    return true;
+}
+
+size_t proto_update_data_reply_encode(const struct proto_update_data_reply *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_UPDATE_DATA_REPLY_SIZE) {
+        return 0;
+    }
+    put_u16(out + 0, from->next);
+    return PROTO_UPDATE_DATA_REPLY_SIZE;
+}
+
+bool proto_update_data_reply_decode(struct proto_update_data_reply *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_UPDATE_DATA_REPLY_SIZE) {
+        return false;
+    }
+    to->next = get_u16(in + 0);
+    return true;
+}
+
+size_t proto_update_finish_reply_encode(const struct proto_update_finish_reply *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_UPDATE_FINISH_REPLY_SIZE) {
+        return 0;
+    }
+    put_u32(out + 0, from->sequence);
+    return PROTO_UPDATE_FINISH_REPLY_SIZE;
+}
+
+bool proto_update_finish_reply_decode(struct proto_update_finish_reply *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_UPDATE_FINISH_REPLY_SIZE) {
+        return false;
+    }
+    to->sequence = get_u32(in + 0);
+    return true;
+}
+
+size_t proto_restart_request_encode(const struct proto_restart_request *from, uint8_t *out, size_t capacity) {
+    if (capacity < PROTO_RESTART_REQUEST_SIZE) {
+        return 0;
+    }
+    put_u32(out + 0, from->boot_id);
+    return PROTO_RESTART_REQUEST_SIZE;
+}
+
+bool proto_restart_request_decode(struct proto_restart_request *to, const uint8_t *in, size_t length) {
+    if (length != PROTO_RESTART_REQUEST_SIZE) {
+        return false;
+    }
+    to->boot_id = get_u32(in + 0);
+    return true;
+}
+
 size_t proto_refusal_encode(const struct proto_refusal *from, uint8_t *out, size_t capacity) {
     if (capacity < PROTO_REFUSAL_SIZE) {
         return 0;
@@ -1301,8 +1461,18 @@ const char *proto_slot_state_name(unsigned value) {
     return value >= PROTO_SLOT_STATE_COUNT ? "?" : names[value];
 }
 
+const char *proto_image_state_name(unsigned value) {
+    static const char *const names[] = {"none", "trial", "confirmed", "rejected"};
+    return value >= PROTO_IMAGE_STATE_COUNT ? "?" : names[value];
+}
+
+const char *proto_image_defect_name(unsigned value) {
+    static const char *const names[] = {"header", "slot", "size", "content"};
+    return value >= PROTO_IMAGE_DEFECT_COUNT ? "?" : names[value];
+}
+
 const char *proto_refusal_reason_name(unsigned value) {
-    static const char *const names[] = {"unknown_request", "bad_length", "not_finite", "out_of_range", "wrong_state", "fault_latched", "self_check_failed", "unknown_parameter", "sequence_too_long", "sequence_gap", "sequence_incomplete", "sequence_bad_crc", "sequence_empty", "unknown_segment_kind", "log_gone", "log_beyond_end", "log_busy", "store_failed", "not_armed", "wrong_boot"};
+    static const char *const names[] = {"unknown_request", "bad_length", "not_finite", "out_of_range", "wrong_state", "fault_latched", "self_check_failed", "unknown_parameter", "sequence_too_long", "sequence_gap", "sequence_incomplete", "sequence_bad_crc", "sequence_empty", "unknown_segment_kind", "log_gone", "log_beyond_end", "log_busy", "store_failed", "not_armed", "wrong_boot", "update_under_way", "update_none", "update_gap", "update_bad_chunk", "update_bad_image", "update_other_board", "update_failed", "update_on_trial", "wheels_turn"};
     return value < 1u || value - 1u >= PROTO_REFUSAL_REASON_COUNT ? "?" : names[value - 1u];
 }
 
@@ -1330,6 +1500,10 @@ bool proto_id_changes(uint8_t id) {
     case PROTO_ID_STOP:
     case PROTO_ID_ARM:
     case PROTO_ID_STREAM_START:
+    case PROTO_ID_UPDATE_BEGIN:
+    case PROTO_ID_UPDATE_DATA:
+    case PROTO_ID_UPDATE_FINISH:
+    case PROTO_ID_RESTART:
         return true;
     default:
         return false;

@@ -20,7 +20,7 @@
 #define PROTO_CAN_ANNOUNCE_BASE 0x680u /* its CAN id is this plus the node */
 #define PROTO_CAN_STATUS_BASE 0x6c0u /* its CAN id is this plus the node */
 #define PROTO_CAN_MOTION_BASE 0x700u /* its CAN id is this plus the node */
-#define PROTO_SCHEMA_HASH 0xee8f5b21u
+#define PROTO_SCHEMA_HASH 0x7ec6a660u
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
@@ -55,6 +55,11 @@ enum proto_id {
     PROTO_ID_CAN_STATE = 0x50, /* the CAN controller and its channel */
     PROTO_ID_STREAM_START = 0x60, /* take samples of the chosen signals from now on, counted from 0, in place of the stream before; whatever the state. A start of the board ends it */
     PROTO_ID_STREAM_READ = 0x61, /* samples from a number on, as many as are there, wanted, and fit a reply; those that the ring has overwritten are left out */
+    PROTO_ID_UPDATE_STATE = 0x70, /* the two slots for an image of the firmware, and what is being received */
+    PROTO_ID_UPDATE_BEGIN = 0x71, /* receive an image into the slot that does not run, from the first chunk, or go on where this image's transfer was cut off; disarms the board, which is deaf while it erases the slot */
+    PROTO_ID_UPDATE_DATA = 0x72, /* one chunk of the image: written to flash if it has the digest that begin, or the chunk before, has given */
+    PROTO_ID_UPDATE_FINISH = 0x73, /* all chunks were sent: judge what the flash holds, and let the next start try it */
+    PROTO_ID_RESTART = 0x74, /* start anew, once the reply has left; refused unless the wheels are braked and no log is written */
     PROTO_ID_REFUSAL = 0xff,
 };
 #define PROTO_REPLY_BIT 0x80u
@@ -212,6 +217,26 @@ enum proto_slot_state {
 enum { PROTO_SLOT_STATE_COUNT = 4 };
 const char *proto_slot_state_name(unsigned value); /* "?" for a value that is none of them */
 
+/* what one of the two slots for an image of the firmware holds */
+enum proto_image_state {
+    PROTO_IMAGE_STATE_NONE = 0, /* nothing that a start would run: blank, cut off while it was written, or retired */
+    PROTO_IMAGE_STATE_TRIAL = 1, /* whole, and started on trial until a host has greeted it */
+    PROTO_IMAGE_STATE_CONFIRMED = 2, /* whole, and greeted by a host */
+    PROTO_IMAGE_STATE_REJECTED = 3, /* it was started on trial as often as it may be, and no host has greeted it: never started again */
+};
+enum { PROTO_IMAGE_STATE_COUNT = 4 };
+const char *proto_image_state_name(unsigned value); /* "?" for a value that is none of them */
+
+/* why an image is refused that has arrived whole */
+enum proto_image_defect {
+    PROTO_IMAGE_DEFECT_HEADER = 0, /* its first bytes are no header of an image, or are damaged */
+    PROTO_IMAGE_DEFECT_SLOT = 1, /* it is made to run from the other slot */
+    PROTO_IMAGE_DEFECT_SIZE = 2, /* its size is not the one announced */
+    PROTO_IMAGE_DEFECT_CONTENT = 3, /* what the flash holds does not have its CRC */
+};
+enum { PROTO_IMAGE_DEFECT_COUNT = 4 };
+const char *proto_image_defect_name(unsigned value); /* "?" for a value that is none of them */
+
 /* why a request was refused; the wheels continue as before */
 enum proto_refusal_reason {
     PROTO_REFUSAL_REASON_UNKNOWN_REQUEST = 1, /* no request has this id; `detail` is the id */
@@ -234,8 +259,17 @@ enum proto_refusal_reason {
     PROTO_REFUSAL_REASON_STORE_FAILED = 18, /* the flash did not take the parameters; the set stored before still holds; `detail` is the slot */
     PROTO_REFUSAL_REASON_NOT_ARMED = 19, /* nobody has allowed the board to move since it started: `arm` first; `detail` is the boot id */
     PROTO_REFUSAL_REASON_WRONG_BOOT = 20, /* meant for another start of the board; `detail` is the boot id of this one */
+    PROTO_REFUSAL_REASON_UPDATE_UNDER_WAY = 21, /* not while an image is received; `detail` is the number of the chunk expected */
+    PROTO_REFUSAL_REASON_UPDATE_NONE = 22, /* no image is being received */
+    PROTO_REFUSAL_REASON_UPDATE_GAP = 23, /* chunks must follow one another; `detail` is the number expected */
+    PROTO_REFUSAL_REASON_UPDATE_BAD_CHUNK = 24, /* a chunk does not have the digest that the one before it gave; `detail` is its number */
+    PROTO_REFUSAL_REASON_UPDATE_BAD_IMAGE = 25, /* the image is not made for this slot, or is not whole; `detail` is what was found, in the order of image_defect */
+    PROTO_REFUSAL_REASON_UPDATE_OTHER_BOARD = 26, /* the image is for another board */
+    PROTO_REFUSAL_REASON_UPDATE_FAILED = 27, /* the flash did not take the image; the one that runs is unchanged; `detail` is the slot */
+    PROTO_REFUSAL_REASON_UPDATE_ON_TRIAL = 28, /* the image that runs has not been confirmed, and the other is what a start would fall back to */
+    PROTO_REFUSAL_REASON_WHEELS_TURN = 29, /* the wheels are braked, but turn */
 };
-enum { PROTO_REFUSAL_REASON_COUNT = 20 };
+enum { PROTO_REFUSAL_REASON_COUNT = 29 };
 const char *proto_refusal_reason_name(unsigned value); /* "?" for a value that is none of them */
 
 #define PROTO_SEGMENT_SIZE 13u
@@ -731,6 +765,76 @@ struct proto_stream_read_reply {
 };
 size_t proto_stream_read_reply_encode(const struct proto_stream_read_reply *from, uint8_t *out, size_t capacity);
 bool proto_stream_read_reply_decode(struct proto_stream_read_reply *to, const uint8_t *in, size_t length);
+
+#define PROTO_UPDATE_STATE_REPLY_SIZE 102u
+/* reply: the two slots for an image of the firmware, and what is being received */
+struct proto_update_state_reply {
+    uint8_t running; /* slot of the image that answers: 0 or 1 */
+    uint8_t receiving; /* 1 while an image is received */
+    uint16_t next; /* number of the chunk expected */
+    uint16_t chunks; /* of the image that is received; 0: none since the start */
+    uint16_t chunk_size; /* bytes of every chunk but the last */
+    uint32_t slot_size; /* bytes; no image is larger */
+    uint8_t states[2]; /* image_state of each slot */
+    uint32_t sequences[2]; /* the higher number is the newer image; 0 where there is none */
+    char name_0[41]; /* image in slot 0: what its board's images are called, a space, its version */
+    char name_1[41]; /* image in slot 1 */
+};
+size_t proto_update_state_reply_encode(const struct proto_update_state_reply *from, uint8_t *out, size_t capacity);
+bool proto_update_state_reply_decode(struct proto_update_state_reply *to, const uint8_t *in, size_t length);
+
+#define PROTO_UPDATE_BEGIN_REQUEST_SIZE 36u
+/* receive an image into the slot that does not run, from the first chunk, or go on where this image's transfer was cut off; disarms the board, which is deaf while it erases the slot */
+struct proto_update_begin_request {
+    uint8_t head[32]; /* SHA-256 of the first chunk's data and its `next` */
+    uint32_t size; /* bytes of the image */
+};
+size_t proto_update_begin_request_encode(const struct proto_update_begin_request *from, uint8_t *out, size_t capacity);
+bool proto_update_begin_request_decode(struct proto_update_begin_request *to, const uint8_t *in, size_t length);
+
+#define PROTO_UPDATE_BEGIN_REPLY_SIZE 4u
+/* reply: receive an image into the slot that does not run, from the first chunk, or go on where this image's transfer was cut off; disarms the board, which is deaf while it erases the slot */
+struct proto_update_begin_reply {
+    uint16_t next; /* number of the chunk expected */
+    uint16_t stall_ms; /* for so long the board was deaf; 0 where the transfer goes on */
+};
+size_t proto_update_begin_reply_encode(const struct proto_update_begin_reply *from, uint8_t *out, size_t capacity);
+bool proto_update_begin_reply_decode(struct proto_update_begin_reply *to, const uint8_t *in, size_t length);
+
+#define PROTO_UPDATE_DATA_REQUEST_SIZE 34u
+/* one chunk of the image: written to flash if it has the digest that begin, or the chunk before, has given */
+struct proto_update_data_request {
+    uint16_t index; /* number of the chunk, from 0 */
+    uint8_t next[32]; /* SHA-256 of the next chunk's data and its `next`; zeros in the last chunk */
+    const uint8_t *data; /* chunk_size bytes; the last chunk holds the rest */
+    size_t data_length;
+};
+size_t proto_update_data_request_encode(const struct proto_update_data_request *from, uint8_t *out, size_t capacity);
+bool proto_update_data_request_decode(struct proto_update_data_request *to, const uint8_t *in, size_t length);
+
+#define PROTO_UPDATE_DATA_REPLY_SIZE 2u
+/* reply: one chunk of the image: written to flash if it has the digest that begin, or the chunk before, has given */
+struct proto_update_data_reply {
+    uint16_t next; /* number of the chunk expected */
+};
+size_t proto_update_data_reply_encode(const struct proto_update_data_reply *from, uint8_t *out, size_t capacity);
+bool proto_update_data_reply_decode(struct proto_update_data_reply *to, const uint8_t *in, size_t length);
+
+#define PROTO_UPDATE_FINISH_REPLY_SIZE 4u
+/* reply: all chunks were sent: judge what the flash holds, and let the next start try it */
+struct proto_update_finish_reply {
+    uint32_t sequence; /* of the image */
+};
+size_t proto_update_finish_reply_encode(const struct proto_update_finish_reply *from, uint8_t *out, size_t capacity);
+bool proto_update_finish_reply_decode(struct proto_update_finish_reply *to, const uint8_t *in, size_t length);
+
+#define PROTO_RESTART_REQUEST_SIZE 4u
+/* start anew, once the reply has left; refused unless the wheels are braked and no log is written */
+struct proto_restart_request {
+    uint32_t boot_id; /* of the start meant, from hello */
+};
+size_t proto_restart_request_encode(const struct proto_restart_request *from, uint8_t *out, size_t capacity);
+bool proto_restart_request_decode(struct proto_restart_request *to, const uint8_t *in, size_t length);
 
 #define PROTO_REFUSAL_SIZE 6u
 /* the reply to a request that was refused */

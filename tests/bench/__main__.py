@@ -26,6 +26,7 @@ BENCHES = (
     "low_speed",
     "diagnosis_rollout",
     "public_sets",
+    "update_cuts",
 )
 # Measured only where they are named: each takes more than ten minutes.
 LONG = ("fleet", "view_soak", "learned", "learned_real")

@@ -202,7 +202,7 @@ static void unknown_requests_are_refused_by_their_id(void)
             known++;
         }
     }
-    TEST_ASSERT_EQUAL_UINT32(31, known);
+    TEST_ASSERT_EQUAL_UINT32(36, known);
 }
 
 static void every_request_of_a_wrong_length_is_refused(void)

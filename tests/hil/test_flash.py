@@ -72,7 +72,7 @@ def test_the_rom_loader_takes_the_image_and_the_board_starts_it_with_its_paramet
         assert "leaves the option bytes as they are" in done.stderr
         assert held(loader.flash, whole)
         assert loader.flash[KEPT] == PARAMETERS
-        assert set(loader.erased) == {0, 3, 4}
+        assert set(loader.erased) == {0, 3, 4, 5}
         loader.flash[KEPT] = b"\xff" * len(PARAMETERS)
         with boot(image, loader.flash) as robot:
             assert Device(Client(VirtualStream(robot))).info.firmware_version == whole.version
@@ -226,8 +226,8 @@ def word(number: int, value: int) -> Change:
 
 
 def named(name: bytes) -> Change:
-    def change(elf: bytearray, vectors: int) -> None:
-        at = elf.index(b"truing-f405 ", vectors)
+    def change(elf: bytearray, _vectors: int) -> None:
+        at = elf.index(b"truing-f405 ")  # the loader's, the first in the file
         elf[at : at + len(name)] = name
 
     return change
@@ -235,6 +235,10 @@ def named(name: bytes) -> Change:
 
 def machine(elf: bytearray, _vectors: int) -> None:
     struct.pack_into("<H", elf, 18, 8)  # e_machine: MIPS
+
+
+def damaged(elf: bytearray, vectors: int) -> None:
+    elf[vectors + 0x400] ^= 1  # code
 
 
 def placed(address: int) -> Change:
@@ -258,9 +262,20 @@ def placed(address: int) -> Change:
         (word(15, 0x0808_0001), "its vector 15, 0x08080001, leads to no code of this image"),
         (placed(0x0800_4000), "would overwrite the stored parameters"),
         (placed(0x0810_0000), "lie outside the flash of an STM32F405"),
+        (damaged, "its header does not fit what follows it"),
         (machine, "is a program for MIPS, not for a Cortex-M"),
     ],
-    ids=["another board", "another program", "stack", "start", "tick", "parameters", "size", "machine"],
+    ids=[
+        "another board",
+        "another program",
+        "stack",
+        "start",
+        "tick",
+        "parameters",
+        "size",
+        "content",
+        "machine",
+    ],
 )
 def test_an_image_for_another_board_is_refused_by_what_it_says_itself(
     tmp_path: Path, image: Path, change: Change, said: str

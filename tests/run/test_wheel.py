@@ -201,7 +201,10 @@ def test_host_tests_that_need_no_board_pass_on_the_installed_wheel(
 
 def test_the_wheel_holds_image_and_virtual_board_for_its_platform(wheel: Path) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
-    held = {"truing/built/truing-f405.elf", "hil_sim/built/libhil_sim.so", "hil_sim/built/libhost_robot.so"}
+    held = {
+        *(f"truing/built/truing-f405{suffix}" for suffix in (".elf", ".update")),
+        *(f"hil_sim/built/lib{name}.so" for name in ("hil_sim", "host_robot")),
+    }
     assert held <= names
     assert "-py3-none-" in wheel.name
     assert "linux" in wheel.name

@@ -172,6 +172,10 @@ class FakeBoard:
         states = (tp.SlotState.GOOD if self.saves else tp.SlotState.BLANK, tp.SlotState.BLANK)
         return tp.ParamStoreReply(self.saves, states, 0, len(self.stored), 0, 0).pack()
 
+    def update_state(self, _: tp.UpdateStateRequest) -> bytes:
+        states = (tp.ImageState.CONFIRMED, tp.ImageState.NONE)
+        return tp.UpdateStateReply(0, 0, 0, 0, 512, 81920, states, (1, 0), "truing-fake 0.0", "").pack()
+
     def seq_begin(self, request: tp.SeqBeginRequest) -> bytes:
         self.sequence, self.received, self._count = b"", b"", request.segment_count
         return b""

@@ -23,6 +23,7 @@ void hal_host_init(struct hal_host *board)
     board->line_room = SIZE_MAX;
     board->can_room = SIZE_MAX;
     memset(board->store, 0xFF, sizeof board->store);
+    memset(board->image, 0xFF, sizeof board->image);
     board->store_cut_at = UINT32_MAX;
     board->store_refuse_at = UINT32_MAX;
     board->store_noise = 1;
@@ -34,10 +35,13 @@ void hal_host_init(struct hal_host *board)
 void hal_host_power_cycle(struct hal_host *board)
 {
     static _Thread_local uint8_t kept[HAL_STORE_SLOTS][HAL_STORE_SLOT_SIZE];
+    static _Thread_local uint8_t images[HAL_IMAGE_SLOTS][HAL_HOST_IMAGE_SIZE];
     const uint32_t noise = board->store_noise;
     memcpy(kept, board->store, sizeof kept);
+    memcpy(images, board->image, sizeof images);
     hal_host_init(board);
     memcpy(board->store, kept, sizeof kept);
+    memcpy(board->image, images, sizeof images);
     board->store_noise = noise;
 }
 
@@ -247,37 +251,84 @@ static uint8_t reached(uint32_t eagerness)
     }
 }
 
-bool hal_store_erase(uint32_t slot, uint32_t *missed_ticks)
+static bool erase(uint8_t *cells, size_t size, uint32_t *missed_ticks)
 {
     bool torn;
     *missed_ticks = 0;
     if (store_stops(&torn)) {
         const uint32_t eagerness = torn ? noise() : 0;
-        for (size_t i = 0; torn && i < HAL_STORE_SLOT_SIZE; i++) {
-            current->store[slot][i] |= reached(eagerness);
+        for (size_t i = 0; torn && i < size; i++) {
+            cells[i] |= reached(eagerness);
         }
         return false;
     }
-    memset(current->store[slot], 0xFF, HAL_STORE_SLOT_SIZE);
+    memset(cells, 0xFF, size);
     *missed_ticks = current->erase_ticks;
     return true;
 }
 
-bool hal_store_program(uint32_t slot, uint32_t offset, uint32_t word)
+static bool program(uint8_t *cells, uint32_t word)
 {
     bool torn;
     const bool stops = store_stops(&torn);
     const uint32_t eagerness = torn ? noise() : 0;
     for (uint32_t i = 0; i < 4u && (torn || !stops); i++) {
         const uint8_t zeros = (uint8_t) ~(word >> (8u * i));
-        current->store[slot][offset + i] &= (uint8_t) ~(torn ? zeros & reached(eagerness) : zeros);
+        cells[i] &= (uint8_t) ~(torn ? zeros & reached(eagerness) : zeros);
     }
     return !stops;
+}
+
+bool hal_store_erase(uint32_t slot, uint32_t *missed_ticks)
+{
+    return erase(current->store[slot], HAL_STORE_SLOT_SIZE, missed_ticks);
+}
+
+bool hal_store_program(uint32_t slot, uint32_t offset, uint32_t word)
+{
+    return program(current->store[slot] + offset, word);
 }
 
 void hal_store_read(uint32_t slot, uint32_t offset, uint8_t *out, size_t length)
 {
     memcpy(out, current->store[slot] + offset, length);
+}
+
+uint32_t hal_image_running(void)
+{
+    return current->image_running;
+}
+
+uint32_t hal_image_size(void)
+{
+    return HAL_HOST_IMAGE_SIZE;
+}
+
+void hal_image_read(uint32_t slot, uint32_t offset, uint8_t *out, size_t length)
+{
+    memcpy(out, current->image[slot] + offset, length);
+}
+
+bool hal_image_program(uint32_t slot, uint32_t offset, uint32_t word)
+{
+    return program(current->image[slot] + offset, word);
+}
+
+/* The first slot has two sectors, as on the chip. */
+uint32_t hal_image_sectors(uint32_t slot)
+{
+    return slot == 0u ? 2 : 1;
+}
+
+bool hal_image_erase(uint32_t slot, uint32_t sector, uint32_t *missed_ticks)
+{
+    const uint32_t size = HAL_HOST_IMAGE_SIZE / hal_image_sectors(slot);
+    return erase(current->image[slot] + (size_t)sector * size, size, missed_ticks);
+}
+
+void hal_restart(void)
+{
+    current->restarts++;
 }
 
 uint32_t hal_critical_enter(void)

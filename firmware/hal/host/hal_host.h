@@ -10,7 +10,8 @@ enum {
     HAL_HOST_SEND_SIZE = 65536,
     HAL_HOST_TICK_US = 1000,
     HAL_HOST_CAN_FRAMES = 512,
-    HAL_HOST_LOG_SIZE = 65536
+    HAL_HOST_LOG_SIZE = 65536,
+    HAL_HOST_IMAGE_SIZE = 8192
 };
 
 struct hal_host {
@@ -33,6 +34,9 @@ struct hal_host {
     size_t sent_length;
     size_t line_room; /* bytes that the line still takes; SIZE_MAX: no limit */
     uint8_t store[HAL_STORE_SLOTS][HAL_STORE_SLOT_SIZE];
+    uint8_t image[HAL_IMAGE_SLOTS][HAL_HOST_IMAGE_SIZE];
+    uint32_t image_running;
+    uint32_t restarts;         /* calls of hal_restart */
     uint32_t store_operations; /* erases and programmed words so far */
     uint32_t store_cut_at; /* the operation during which the power fails, counted from 0; UINT32_MAX: none */
     uint32_t store_refuse_at; /* from this operation on the memory is worn out; UINT32_MAX: it is not */
@@ -56,7 +60,7 @@ struct hal_host {
 /* A board at rest with 12 V, whose line takes everything and whose store is blank. */
 void hal_host_init(struct hal_host *board);
 
-/* The same after a power cycle: only the store keeps its content. */
+/* The same after a power cycle: only the store and the images keep their content. */
 void hal_host_power_cycle(struct hal_host *board);
 
 /* The board that hal.h's functions act on from now on, in this thread. */

@@ -12,6 +12,7 @@ from typing import Self
 
 from truing.board.connect import open_stream
 from truing.board.fault_record import FaultRecord
+from truing.board.image_slots import ImageSlot, slots_of
 from truing.board.log_trigger import LogTrigger, arm_request, max_span_s
 from truing.board.signal_stream import SignalStream
 from truing.board.state import (
@@ -73,6 +74,7 @@ from truing_protocol import (
     SetVelocityRequest,
     StatusRequest,
     StopRequest,
+    UpdateStateRequest,
 )
 
 _WIRE_KIND = {
@@ -179,6 +181,10 @@ class Device:
     def fault_record(self) -> FaultRecord | None:
         """What the board kept of the last fault of its program since power-up; None: there was none."""
         return FaultRecord.from_reply(self.client.request(FaultRecordRequest()))
+
+    def image_slots(self) -> tuple[ImageSlot, ...]:
+        """Which images of the firmware the board holds, and which of them runs."""
+        return slots_of(self.client.request(UpdateStateRequest()))
 
     # ---- parameters
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from truing_protocol import FaultRecordReply
 
 _EXCEPTIONS = {2: "clock failure (NMI)", 3: "HardFault", 4: "MemManage", 5: "BusFault", 6: "UsageFault"}
+# Where the image in slot 1 begins, which is linked for that place (firmware/stm32f405/image_places.h).
+_SLOT_1 = 0x0802_0000
 # Bits of CFSR, PM0214 section 4.4.10.
 _REASONS = {
     0: "instruction fetched from where there is none",
@@ -73,9 +75,10 @@ class FaultRecord:
         lines = [f"{self.exception}, {self.count} since power-up" + (f": {why}{where}" if why else "")]
         if self.pc is None or self.lr is None:
             return [*lines, f"no registers; cfsr 0x{self.cfsr:08x}, hfsr 0x{self.hfsr:08x}"]
+        slot = "-slot1" if self.pc >= _SLOT_1 else ""
         return [
             *lines,
             f"pc 0x{self.pc:08x}, lr 0x{self.lr:08x}, cfsr 0x{self.cfsr:08x}, hfsr 0x{self.hfsr:08x}",
-            "which line that is: arm-none-eabi-addr2line -fe build/stm32f405/firmware/truing-f405.elf "
+            f"which line that is: arm-none-eabi-addr2line -fe build/stm32f405/firmware/truing-f405{slot}.elf "
             f"0x{self.pc:08x} 0x{self.lr:08x}",
         ]

@@ -26,7 +26,15 @@ def command(app: App) -> None:
     with app.open_device() as device:
         info, status, record = device.info, device.status(), device.fault_record()
         limit = _thermal_limit(device)
-    app.emit({"board": asdict(info), "status": status.to_dict(), "fault_record": record and asdict(record)})
+        slots = device.image_slots()
+    app.emit(
+        {
+            "board": asdict(info),
+            "status": status.to_dict(),
+            "fault_record": record and asdict(record),
+            "image_slots": [slot.to_dict() for slot in slots],
+        }
+    )
     battery = "not measured" if status.battery_v is None else f"{status.battery_v:.2f} V"
     app.say(f"{info.board_name}, firmware {info.firmware_version}, on {info.port}")
     app.say(f"  board id      {info.board_id}")
@@ -47,6 +55,8 @@ def command(app: App) -> None:
     app.say(f"  effort        left {status.effort[0]:+.4f}, right {status.effort[1]:+.4f}")
     app.say(f"  speed         left {status.speed_mps[0]:+.3f}, right {status.speed_mps[1]:+.3f} m/s")
     app.say(f"  pose          x {status.x_m:.3f} m, y {status.y_m:.3f} m, theta {status.theta_rad:.4f} rad")
+    for number, slot in enumerate(slots):
+        app.say(f"  image slot {number}  {slot.text()}")
     app.say(f"  log memory    {info.log_bytes / 1024:g} KiB")
     app.say(f"  line          {status.frames_dropped} damaged frames received by the board")
     if not status.active and not status.latched:

@@ -8,6 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from truing.errors import FileError
+from truing.flash.header import HEADER_SIZE, read_header
 
 _NEXT = "`./run setup` builds the image for the STM32F405"
 _NAME_LENGTH = 64
@@ -25,6 +26,7 @@ class Chip:
     vectors : words of the vector table, the initial stack pointer included.
     memories : address and size of what the stack may lie in.
     kept : first address of the parameters, and the first behind them; no image may touch them.
+    slot : where the image lies whose loader is at the start of flash.
     """
 
     image_name: str
@@ -35,6 +37,7 @@ class Chip:
     vectors: int
     memories: tuple[tuple[int, int], ...]
     kept: tuple[int, int]
+    slot: int
 
 
 _H405 = Chip(
@@ -46,6 +49,7 @@ _H405 = Chip(
     vectors=16 + 82,
     memories=((0x2000_0000, 128 << 10), (0x1000_0000, 64 << 10)),
     kept=(0x0800_4000, 0x0800_C000),
+    slot=0x0800_C000,
 )
 
 CHIPS = (
@@ -71,7 +75,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Image:
-    """An image that has been found fit for its chip; the vectors are the first of its parts."""
+    """An image that has been found fit for its chip; the loader, with the vectors, is its first part."""
 
     path: Path
     chip: Chip
@@ -169,7 +173,24 @@ def _problem(chip: Chip, parts: list[Part]) -> str:
             return f"{where} would overwrite the stored parameters"
     if any(after.address < before.end for before, after in pairwise(parts)):
         return "its parts overlap"
-    stack, *vectors = struct.unpack_from(f"<{chip.vectors}I", parts[0].data)
+    slot = next((part for part in parts if part.address == chip.slot), None)
+    if slot is None:
+        return f"it holds no image at 0x{chip.slot:08x}"
+    for table in (parts[0].data, slot.data[HEADER_SIZE:]):
+        problem = _problem_of_vectors(chip, parts, table)
+        if problem:
+            return problem
+    header = read_header(slot.data)
+    if header is None:
+        return "it is damaged: its header does not fit what follows it"
+    loader = _text(parts[0].data[4 * chip.vectors :]).decode("ascii", "replace")
+    return "" if header.name == loader else f"its loader is that of {loader}"
+
+
+def _problem_of_vectors(chip: Chip, parts: list[Part], table: bytes) -> str:
+    if len(table) < 4 * chip.vectors:
+        return "it ends within its vectors"
+    stack, *vectors = struct.unpack_from(f"<{chip.vectors}I", table)
     if stack % 8 or not any(base < stack <= base + length for base, length in chip.memories):
         return f"its stack begins at 0x{stack:08x}, where an {chip.title} has no memory"
     for number, vector in enumerate(vectors, start=1):

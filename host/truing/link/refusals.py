@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from truing.errors import Refused
-from truing_protocol import FAULTS, REFUSAL_MEANING, FaultInfo, Refusal, RefusalReason, State
+from truing_protocol import FAULTS, REFUSAL_MEANING, FaultInfo, ImageDefect, Refusal, RefusalReason, State
 
 _NEXT_STEP: dict[int, str] = {
     RefusalReason.UNKNOWN_REQUEST: "flash the firmware that belongs to this version of truing",
@@ -32,6 +32,21 @@ _NEXT_STEP: dict[int, str] = {
     ),
     RefusalReason.NOT_ARMED: "the board has started anew: check why, then give the command again",
     RefusalReason.WRONG_BOOT: "the board has started anew: check why, then give the command again",
+    RefusalReason.UPDATE_UNDER_WAY: "let the update end; 10 s after its host fell silent it counts as ended",
+    RefusalReason.UPDATE_NONE: "give `truing flash --over-link` again: it goes on where it ended",
+    RefusalReason.UPDATE_GAP: (
+        "give `truing flash --over-link` again; another host may be updating this board"
+    ),
+    RefusalReason.UPDATE_BAD_CHUNK: (
+        "give `truing flash --over-link` again; another host may be updating this board"
+    ),
+    RefusalReason.UPDATE_BAD_IMAGE: "`./run setup` builds the update anew",
+    RefusalReason.UPDATE_OTHER_BOARD: "name that board's update",
+    RefusalReason.UPDATE_FAILED: (
+        "check the board's supply and try again; if it stays so, the flash is worn out: change the board"
+    ),
+    RefusalReason.UPDATE_ON_TRIAL: "any command of truing confirms the image that runs: try again",
+    RefusalReason.WHEELS_TURN: "hold the robot; then try again",
     RefusalReason.LOG_BUSY: (
         "wait for the sequence to end, or `truing stop`; `truing log disarm` ends an armed log"
     ),
@@ -73,6 +88,9 @@ def _detail(reason: RefusalReason, request: str, detail: int) -> str:
     if reason in (RefusalReason.OUT_OF_RANGE, RefusalReason.NOT_FINITE):
         what = "segment {}" if request == "seq_segments" else "number {} of the request"
         return ": " + what.format(detail + 1)
+    if reason is RefusalReason.UPDATE_BAD_IMAGE:
+        defects = {int(d): d.name.lower() for d in ImageDefect}
+        return f": {defects.get(detail, detail)}"
     if reason is RefusalReason.SEQUENCE_TOO_LONG:
         return f": it holds {detail}"
     if reason is RefusalReason.SEQUENCE_GAP:

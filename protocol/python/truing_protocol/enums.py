@@ -146,6 +146,24 @@ class SlotState(IntEnum):
     DAMAGED = 3  # a set that was whole once and is no more
 
 
+class ImageState(IntEnum):
+    """What one of the two slots for an image of the firmware holds."""
+
+    NONE = 0  # nothing that a start would run: blank, cut off while it was written, or retired
+    TRIAL = 1  # whole, and started on trial until a host has greeted it
+    CONFIRMED = 2  # whole, and greeted by a host
+    REJECTED = 3  # it was started on trial as often as it may be, and no host has greeted it: never started again
+
+
+class ImageDefect(IntEnum):
+    """Why an image is refused that has arrived whole."""
+
+    HEADER = 0  # its first bytes are no header of an image, or are damaged
+    SLOT = 1  # it is made to run from the other slot
+    SIZE = 2  # its size is not the one announced
+    CONTENT = 3  # what the flash holds does not have its CRC
+
+
 class RefusalReason(IntEnum):
     """Why a request was refused; the wheels continue as before."""
 
@@ -169,6 +187,15 @@ class RefusalReason(IntEnum):
     STORE_FAILED = 18  # the flash did not take the parameters; the set stored before still holds; `detail` is the slot
     NOT_ARMED = 19  # nobody has allowed the board to move since it started: `arm` first; `detail` is the boot id
     WRONG_BOOT = 20  # meant for another start of the board; `detail` is the boot id of this one
+    UPDATE_UNDER_WAY = 21  # not while an image is received; `detail` is the number of the chunk expected
+    UPDATE_NONE = 22  # no image is being received
+    UPDATE_GAP = 23  # chunks must follow one another; `detail` is the number expected
+    UPDATE_BAD_CHUNK = 24  # a chunk does not have the digest that the one before it gave; `detail` is its number
+    UPDATE_BAD_IMAGE = 25  # the image is not made for this slot, or is not whole; `detail` is what was found, in the order of image_defect
+    UPDATE_OTHER_BOARD = 26  # the image is for another board
+    UPDATE_FAILED = 27  # the flash did not take the image; the one that runs is unchanged; `detail` is the slot
+    UPDATE_ON_TRIAL = 28  # the image that runs has not been confirmed, and the other is what a start would fall back to
+    WHEELS_TURN = 29  # the wheels are braked, but turn
 
 
 REFUSAL_MEANING: dict[int, str] = {
@@ -192,4 +219,13 @@ REFUSAL_MEANING: dict[int, str] = {
     RefusalReason.STORE_FAILED: "the flash did not take the parameters; the set stored before still holds; `detail` is the slot",
     RefusalReason.NOT_ARMED: "nobody has allowed the board to move since it started: `arm` first; `detail` is the boot id",
     RefusalReason.WRONG_BOOT: "meant for another start of the board; `detail` is the boot id of this one",
+    RefusalReason.UPDATE_UNDER_WAY: "not while an image is received; `detail` is the number of the chunk expected",
+    RefusalReason.UPDATE_NONE: "no image is being received",
+    RefusalReason.UPDATE_GAP: "chunks must follow one another; `detail` is the number expected",
+    RefusalReason.UPDATE_BAD_CHUNK: "a chunk does not have the digest that the one before it gave; `detail` is its number",
+    RefusalReason.UPDATE_BAD_IMAGE: "the image is not made for this slot, or is not whole; `detail` is what was found, in the order of image_defect",
+    RefusalReason.UPDATE_OTHER_BOARD: "the image is for another board",
+    RefusalReason.UPDATE_FAILED: "the flash did not take the image; the one that runs is unchanged; `detail` is the slot",
+    RefusalReason.UPDATE_ON_TRIAL: "the image that runs has not been confirmed, and the other is what a start would fall back to",
+    RefusalReason.WHEELS_TURN: "the wheels are braked, but turn",
 }

@@ -1849,6 +1849,271 @@ class StreamReadRequest:
         return StreamReadReply.unpack(payload)
 
 
+_UPDATE_STATE_REPLY = struct.Struct("<BBHHHI2B2I40s40s")
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateStateReply:
+    """Reply: the two slots for an image of the firmware, and what is being received."""
+
+    SIZE: ClassVar[int] = 102
+
+    running: int  # slot of the image that answers: 0 or 1
+    receiving: int  # 1 while an image is received
+    next: int  # number of the chunk expected
+    chunks: int  # of the image that is received; 0: none since the start
+    chunk_size: int  # bytes of every chunk but the last
+    slot_size: int  # bytes; no image is larger
+    states: tuple[int, ...]  # image_state of each slot
+    sequences: tuple[int, ...]  # the higher number is the newer image; 0 where there is none
+    name_0: str  # image in slot 0: what its board's images are called, a space, its version
+    name_1: str  # image in slot 1
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _UPDATE_STATE_REPLY.pack(self.running, self.receiving, self.next, self.chunks, self.chunk_size, self.slot_size, *self.states, *self.sequences, self.name_0.encode("ascii"), self.name_1.encode("ascii"))
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateStateReply:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 102, False, cls)
+        v = _UPDATE_STATE_REPLY.unpack_from(payload)
+        return cls(
+            running=v[0],
+            receiving=v[1],
+            next=v[2],
+            chunks=v[3],
+            chunk_size=v[4],
+            slot_size=v[5],
+            states=v[6 : 8],
+            sequences=v[8 : 10],
+            name_0=_text(v[10]),
+            name_1=_text(v[11]),
+        )
+
+
+_UPDATE_STATE_REQUEST = struct.Struct("<")
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateStateRequest:
+    """The two slots for an image of the firmware, and what is being received."""
+
+    SIZE: ClassVar[int] = 0
+    ID: ClassVar[int] = 0x70
+    NAME: ClassVar[str] = "update_state"
+    CHANGES: ClassVar[bool] = False
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _UPDATE_STATE_REQUEST.pack()
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateStateRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 0, False, cls)
+        return cls()
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> UpdateStateReply:
+        """Read this request's reply."""
+        return UpdateStateReply.unpack(payload)
+
+
+_UPDATE_BEGIN_REPLY = struct.Struct("<HH")
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateBeginReply:
+    """Reply: receive an image into the slot that does not run, from the first chunk, or go on where this image's transfer was cut off; disarms the board, which is deaf while it erases the slot."""
+
+    SIZE: ClassVar[int] = 4
+
+    next: int  # number of the chunk expected
+    stall_ms: int  # for so long the board was deaf; 0 where the transfer goes on
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _UPDATE_BEGIN_REPLY.pack(self.next, self.stall_ms)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateBeginReply:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 4, False, cls)
+        v = _UPDATE_BEGIN_REPLY.unpack_from(payload)
+        return cls(next=v[0], stall_ms=v[1])
+
+
+_UPDATE_BEGIN_REQUEST = struct.Struct("<32BI")
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateBeginRequest:
+    """Receive an image into the slot that does not run, from the first chunk, or go on where this image's transfer was cut off; disarms the board, which is deaf while it erases the slot."""
+
+    SIZE: ClassVar[int] = 36
+    ID: ClassVar[int] = 0x71
+    NAME: ClassVar[str] = "update_begin"
+    CHANGES: ClassVar[bool] = True
+
+    head: tuple[int, ...]  # SHA-256 of the first chunk's data and its `next`
+    size: int  # bytes of the image
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _UPDATE_BEGIN_REQUEST.pack(*self.head, self.size)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateBeginRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 36, False, cls)
+        v = _UPDATE_BEGIN_REQUEST.unpack_from(payload)
+        return cls(head=v[0 : 32], size=v[32])
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> UpdateBeginReply:
+        """Read this request's reply."""
+        return UpdateBeginReply.unpack(payload)
+
+
+_UPDATE_DATA_REPLY = struct.Struct("<H")
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateDataReply:
+    """Reply: one chunk of the image: written to flash if it has the digest that begin, or the chunk before, has given."""
+
+    SIZE: ClassVar[int] = 2
+
+    next: int  # number of the chunk expected
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _UPDATE_DATA_REPLY.pack(self.next)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateDataReply:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 2, False, cls)
+        v = _UPDATE_DATA_REPLY.unpack_from(payload)
+        return cls(next=v[0])
+
+
+_UPDATE_DATA_REQUEST = struct.Struct("<H32B")
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateDataRequest:
+    """One chunk of the image: written to flash if it has the digest that begin, or the chunk before, has given."""
+
+    SIZE: ClassVar[int] = 34
+    ID: ClassVar[int] = 0x72
+    NAME: ClassVar[str] = "update_data"
+    CHANGES: ClassVar[bool] = True
+
+    index: int  # number of the chunk, from 0
+    next: tuple[int, ...]  # SHA-256 of the next chunk's data and its `next`; zeros in the last chunk
+    data: bytes  # chunk_size bytes; the last chunk holds the rest
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _UPDATE_DATA_REQUEST.pack(self.index, *self.next) + self.data
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateDataRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 34, True, cls)
+        v = _UPDATE_DATA_REQUEST.unpack_from(payload)
+        return cls(index=v[0], next=v[1 : 33], data=payload[34 :])
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> UpdateDataReply:
+        """Read this request's reply."""
+        return UpdateDataReply.unpack(payload)
+
+
+_UPDATE_FINISH_REPLY = struct.Struct("<I")
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateFinishReply:
+    """Reply: all chunks were sent: judge what the flash holds, and let the next start try it."""
+
+    SIZE: ClassVar[int] = 4
+
+    sequence: int  # of the image
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _UPDATE_FINISH_REPLY.pack(self.sequence)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateFinishReply:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 4, False, cls)
+        v = _UPDATE_FINISH_REPLY.unpack_from(payload)
+        return cls(sequence=v[0])
+
+
+_UPDATE_FINISH_REQUEST = struct.Struct("<")
+
+
+@dataclass(frozen=True, slots=True)
+class UpdateFinishRequest:
+    """All chunks were sent: judge what the flash holds, and let the next start try it."""
+
+    SIZE: ClassVar[int] = 0
+    ID: ClassVar[int] = 0x73
+    NAME: ClassVar[str] = "update_finish"
+    CHANGES: ClassVar[bool] = True
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _UPDATE_FINISH_REQUEST.pack()
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> UpdateFinishRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 0, False, cls)
+        return cls()
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> UpdateFinishReply:
+        """Read this request's reply."""
+        return UpdateFinishReply.unpack(payload)
+
+
+_RESTART_REQUEST = struct.Struct("<I")
+
+
+@dataclass(frozen=True, slots=True)
+class RestartRequest:
+    """Start anew, once the reply has left; refused unless the wheels are braked and no log is written."""
+
+    SIZE: ClassVar[int] = 4
+    ID: ClassVar[int] = 0x74
+    NAME: ClassVar[str] = "restart"
+    CHANGES: ClassVar[bool] = True
+
+    boot_id: int  # of the start meant, from hello
+
+    def pack(self) -> bytes:
+        """The payload's bytes; struct.error when a value does not fit its field."""
+        return _RESTART_REQUEST.pack(self.boot_id)
+
+    @classmethod
+    def unpack(cls, payload: bytes) -> RestartRequest:
+        """Read the payload's bytes; PayloadError when their number is wrong."""
+        _check_length(payload, 4, False, cls)
+        v = _RESTART_REQUEST.unpack_from(payload)
+        return cls(boot_id=v[0])
+
+    @staticmethod
+    def unpack_reply(payload: bytes) -> Ack:
+        """Read this request's reply."""
+        return Ack.unpack(payload)
+
+
 _REFUSAL = struct.Struct("<BBI")
 
 
