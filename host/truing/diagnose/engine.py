@@ -19,7 +19,7 @@ from truing.diagnose.data.recorder import at_renewals, repeated_rows
 from truing.diagnose.data.set_data import SetData, set_data
 from truing.diagnose.data.sim_runs import read_sim_runs
 from truing.diagnose.diagnosis_input import Options
-from truing.diagnose.exchanges import best_exchange, with_exchanges
+from truing.diagnose.exchanges import best_exchange, extended_exchange, with_exchanges
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.initial_speed import with_likely_starts
 from truing.diagnose.inter_sample_input import inter_sample_uncertainty, with_inter_sample_input
@@ -213,6 +213,7 @@ def investigate(
     best = without_uncertain_effects(search, best)
     search = with_exchanges(search, best, single_fits)
     best = best_exchange(search, best)
+    search, best = extended_exchange(search, best)
     progress(0.85)
     return with_ordered_errors(decide(search, best))
 

@@ -10,11 +10,12 @@ from __future__ import annotations
 from truing.diagnose.compare import largest_difference
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.intervals import covariance, not_different_from_absent
+from truing.diagnose.noise_updates import under_noise_of
 from truing.diagnose.ordered_errors import plain_fit
 from truing.diagnose.search import Search, effect_set
-from truing.diagnose.stepwise import ends_at_a_limit
-from truing.diagnose.unseen_runs import NEGLIGIBLE, UnseenRuns
-from truing.diagnose.verdict import is_named
+from truing.diagnose.stepwise import ends_at_a_limit, extend_model, is_worth_it, next_effect
+from truing.diagnose.unseen_runs import NEGLIGIBLE, SIMILAR_BENEFIT, UnseenRuns
+from truing.diagnose.verdict import is_incomplete, is_named
 
 # An effect is exchanged for others, so many at most, whose simulation by themselves differs from its own by
 # at most this share of what it changes.
@@ -51,6 +52,23 @@ def best_exchange(search: Search, best: Fit) -> Fit:
     benefits = [(unseen.benefit(one, best), one) for one in better if _is_sound(search, one)]
     benefit, one = max(benefits, key=lambda item: item[0], default=(0.0, best))
     return one if benefit > NEGLIGIBLE else best
+
+
+def extended_exchange(search: Search, best: Fit) -> tuple[Search, Fit]:
+    """The search and `best`, or a model as good with one effect exchanged, extended by what it alone takes.
+
+    A dead band and dry friction are alike until the friction differs between directions.
+    """
+    if not best.effects or not is_incomplete(search, best):
+        return search, best
+    unseen = UnseenRuns.beside(search, best)
+    for one in _exchanged(search, best)[:MAX_OTHERS]:
+        if unseen.benefit(one, best) > -SIMILAR_BENEFIT and _is_sound(search, one):
+            found = next_effect(search, one)
+            if found is not None and is_worth_it(search, unseen, found, best):
+                search = under_noise_of(search, found)
+                return extend_model(search, search.fits[effect_set(*found.effects)])
+    return search, best
 
 
 def _exchanged(search: Search, best: Fit) -> list[Fit]:

@@ -32,6 +32,8 @@ AT_A_LIMIT = 1e-3
 # An effect whose likelihood is not significant lowers the error on runs left out by at least this share, and
 # adds to runs that it makes worse at most this share of what it removes from others.
 MIN_BENEFIT, MAX_LOSS_SHARE = 0.03, 0.25
+# The same of a model that leaves no more than noise, where the likelihood is about as good.
+MIN_BENEFIT_WITHIN_NOISE = 0.1
 
 
 def extend_model(search: Search, best: Fit) -> tuple[Search, Fit]:
@@ -43,7 +45,7 @@ def extend_model(search: Search, best: Fit) -> tuple[Search, Fit]:
     """
     first = len(best.effects)
     while len(best.effects) < MAX_EFFECTS and is_incomplete(search, best):
-        found = _next_effect(search, best)
+        found = next_effect(search, best)
         if found is None:
             break
         search = under_noise_of(search, found)
@@ -72,7 +74,7 @@ def _without(search: Search, best: Fit, name: str) -> Fit:
     return search.fits[rest]
 
 
-def _next_effect(search: Search, best: Fit) -> Fit | None:
+def next_effect(search: Search, best: Fit) -> Fit | None:
     """The best model with one effect more, or None where none is worth it."""
     unseen = UnseenRuns.beside(search, best)
     tried = [search.refined(one, best) for one in search.quick_fits(best, MAX_CANDIDATES)[:MAX_TRIED]]
@@ -86,7 +88,8 @@ def is_worth_it(search: Search, unseen: UnseenRuns, one: Fit, other: Fit) -> boo
     """Whether `one` is significantly better than `other`, which it contains, and better on runs left out.
 
     Where a model leaves more than noise, no noise model is right and the likelihood is only a lower bound:
-    there a benefit on runs left out, at the cost of no other run, is evidence as well.
+    there a benefit on runs left out, at the cost of no other run, is evidence as well, and a large one is
+    wherever the likelihood does not object.
     """
     if any(ends_at_a_limit(search.problem, one, name) for name in one.effects if name not in other.effects):
         return False
@@ -101,9 +104,12 @@ def is_worth_it(search: Search, unseen: UnseenRuns, one: Fit, other: Fit) -> boo
         return benefit > MIN_BENEFIT or (
             benefit > NEGLIGIBLE and leaves_something(search, other, SUSPECT_OF_FLOOR)
         )
-    if not exceeds_noise or _free_run_error(search, one) > _free_run_error(search, other):
+    if _free_run_error(search, one) > _free_run_error(search, other) or not (
+        exceeds_noise or more.gain > 0.0
+    ):
         return False
-    return unseen.benefit(one, other) > MIN_BENEFIT and unseen.loss_share(one, other) < MAX_LOSS_SHARE
+    needed = MIN_BENEFIT if exceeds_noise else MIN_BENEFIT_WITHIN_NOISE
+    return unseen.benefit(one, other) > needed and unseen.loss_share(one, other) < MAX_LOSS_SHARE
 
 
 def ends_at_a_limit(problem: Problem, done: Fit, name: str) -> bool:
