@@ -200,6 +200,34 @@ def test_effects_of_a_robot_are_not_tried_on_an_axis(done: Diagnosis) -> None:
     assert not tried & beyond_an_axis()
 
 
+def test_cogging_of_a_motor_is_named_from_its_angle_alone() -> None:
+    """Positions of a rotation are its angle: no radius is asked for."""
+    runs = [cogging(seed) for seed in range(2)]
+    found = truing.diagnose(truing.read(runs, name="motor"), jobs=1)
+    assert [effect.name for effect in found.effects] == ["torque_ripple"]
+    ripple = found.effects[0].parameters
+    assert ripple["per_revolution"].value == pytest.approx(6.0, abs=0.01)
+    assert ripple["amplitude_left"].value == pytest.approx(0.08, abs=0.01)
+
+
+def cogging(seed: int) -> dict[str, Array]:
+    """A motor that creeps both ways over six cogs of a turn, 50 Hz, with the noise of its positions."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0.0, 10.0, 0.02)
+    effort = np.zeros(len(t))
+    for begin in range(20, len(t) - 100, 100):
+        effort[begin : begin + 90] = rng.choice([-1.0, 1.0]) * rng.uniform(0.14, 0.5)
+    v, angle, angles = 0.0, 0.0, []
+    for u in effort:
+        for _ in range(20):
+            torque = u + 0.08 * np.cos(6.0 * angle)
+            v += 1e-3 * (20.0 * torque - v) / TAU_S
+            angle += 1e-3 * v
+        angles.append(angle)
+    # A run begins at the angle at which the last one ended; the table counts from its own start.
+    return {"t_s": t, "effort": effort, "pos_rad": np.array(angles) + 2e-4 * rng.standard_normal(len(t))}
+
+
 def test_a_command_cannot_be_held_against_the_pose_of_an_axis(motor: Path) -> None:
     with pytest.raises(IdentifyError, match="an axis has none"):
         truing.diagnose(read_recording_set(motor), commanded=True)

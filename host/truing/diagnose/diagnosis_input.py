@@ -10,6 +10,7 @@ from truing.diagnose.measured import Measured, with_measured
 from truing.errors import IdentifyError
 from truing.identify.first_baseline import SAID, with_first_baseline
 from truing.importers import ImportOptions, read_runs
+from truing.recording.geometry import with_radians
 from truing.recording.held_load import without_held_load
 from truing.recording.run import RecordingSet, Wheel
 
@@ -74,7 +75,7 @@ def with_what_to_compare(
     ----------
     say : told in a sentence that there was no baseline.
     """
-    found = with_measured(recordings, options.measured)
+    found = with_measured(with_radians(recordings), options.measured)
     if options.sim_runs is not None:
         return found
     found = without_held_load(found)

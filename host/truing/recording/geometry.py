@@ -19,6 +19,14 @@ def with_axis(recordings: RecordingSet, motion: Motion | None) -> RecordingSet:
     return found.with_geometry(replace(found.robot, wheel_radius_m=1.0))
 
 
+def with_radians(recordings: RecordingSet) -> RecordingSet:
+    """The recordings with the angle of an axis that turns: a rotation's positions are radians already."""
+    robot = recordings.robot
+    if recordings.axis != Axis("rotation") or (robot is not None and robot.wheel_radius_m is not None):
+        return recordings
+    return recordings.with_geometry(RobotGeometry(wheel_radius_m=1.0))
+
+
 def given_geometry(
     counts_per_rev: float | None = None,
     wheel_radius_m: float | None = None,
