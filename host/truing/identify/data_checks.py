@@ -10,6 +10,7 @@ import numpy as np
 from truing.arrays import BoolArray, FloatArray
 from truing.errors import IdentifyError
 from truing.recording.held_load import held_load
+from truing.recording.inverse_dynamics import drowned_damping
 from truing.recording.run import MOTION_PAIRS, WHEELS, Geometry, RecordingSet, Run, Wheel
 
 # Beyond these it is not a robot: volts, microseconds or a damaged file.
@@ -82,13 +83,18 @@ def check_set(recordings: RecordingSet) -> tuple[Finding, ...]:
             found.extend(_check_position(run, wheel))
         if run.axis is None:
             found.extend(_check_sides(run, recordings.robot))
+    scattered = [
+        Finding("all runs", drowned.text(), wheel, "scatter")
+        for wheel in recordings.wheels
+        if (drowned := drowned_damping(recordings, wheel)) is not None
+    ]
     load = held_load(recordings)
     if load is None:
-        return tuple(found)
+        return (*scattered, *found)
     # Efforts of one sign both ways are the load's, and no lead is swapped.
     said = load.text() + ("" if recordings.held_load is None else "; it is taken out of every effort")
     first = Finding("all runs", said, recordings.wheels[0], "load")
-    return (first, *(finding for finding in found if finding.topic != "sign"))
+    return (*scattered, first, *(finding for finding in found if finding.topic != "sign"))
 
 
 def summarise(findings: Sequence[Finding]) -> list[str]:

@@ -4,10 +4,8 @@ A motor that lifts and lowers a load pushes the same way in both: its effort is
 
     u = load + friction sign v + damping v + inertia dv/dt,
 
-and what moves the axis is the part beyond the load. The four numbers are a linear regression over the rows
-in motion (the inverse dynamics of one joint; Khalil and Dombre 2002, chapter 12), and their intervals come
-from leaving out each stroke in turn (jackknife). No simulation is needed, so that they are known even where
-a speed controller shaped the efforts and a free run would not follow the axis.
+and what moves the axis is the part beyond the load. The four numbers are a regression over the rows in motion
+(`inverse_dynamics.py`), and their intervals come from leaving out each stroke in turn (jackknife).
 """
 
 from __future__ import annotations
@@ -17,11 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from truing.arrays import BoolArray, FloatArray, IntArray
-from truing.recording.baseline import RobotGeometry
+from truing.recording.inverse_dynamics import MIN_ROWS, regression, wheel_motion
 from truing.recording.run import RecordingSet, Run
 
-# Rows above this share of the fastest speed are in motion; so many are needed each way.
-MOVING_SHARE, MIN_ROWS = 0.1, 20
 # Median efforts below this, of full effort, hold nothing.
 MIN_EFFORT = 0.02
 # Standard deviations to the end of a 95 % interval; strokes that an interval needs.
@@ -70,21 +66,18 @@ def held_load(recordings: RecordingSet) -> HeldLoad | None:
     """The load that an axis' efforts hold, where they keep one sign whichever way it moves; else None."""
     if recordings.held_load is not None:
         return recordings.held_load
-    if recordings.axis is None or not all(_has_speed(run, recordings.robot) for run in recordings):
+    motion = None if recordings.axis is None else wheel_motion(recordings, "left")
+    if motion is None:
         return None
-    rows = [_rows(run, recordings.robot) for run in recordings]
-    effort, speed, acceleration = (np.concatenate(values) for values in zip(*rows, strict=True))
-    size = np.abs(speed)
-    moving = size > MOVING_SHARE * float(np.percentile(size, 98.0))
+    effort, speed, moving, terms = motion.effort, motion.speed, motion.moving, motion.terms
     ways = [moving & (speed * way > 0.0) for way in (1.0, -1.0)]
     if min(int(rows.sum()) for rows in ways) < MIN_ROWS:
         return None
     usual = [float(np.median(effort[rows])) for rows in ways]
     if usual[0] * usual[1] <= 0.0 or min(map(abs, usual)) < MIN_EFFORT:
         return None
-    terms = np.stack([np.ones_like(speed), np.sign(speed), speed, acceleration], axis=1)
     stroke = _strokes(moving, speed)
-    found = _regression(terms[moving], effort[moving])
+    found = regression(terms[moving], effort[moving])
     if abs(found[1]) >= abs(found[0]):
         return None
     halves = _jackknife(terms[moving], effort[moving], stroke[moving])
@@ -99,30 +92,10 @@ def without_held_load(recordings: RecordingSet) -> RecordingSet:
     return replace(recordings, runs=tuple(map(load.taken_out_of, recordings.runs)), held_load=load)
 
 
-def _has_speed(run: Run, robot: RobotGeometry | None) -> bool:
-    """Whether a run's speed is known: counts alone need the length of one."""
-    known = robot is not None and robot.metres_per_count is not None
-    return known or run.has_pair("vel") or run.has_pair("pos")
-
-
-def _rows(run: Run, robot: RobotGeometry | None) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Effort, speed and acceleration of a run's rows, shape (n,) each; rows beside a gap rest at zero."""
-    speed = run.speed("left", robot).values.copy()
-    steps = np.maximum(np.gradient(run.t_s), 1e-9)
-    acceleration = np.gradient(speed) / steps
-    for gap in run.gaps():
-        speed[gap - 1 : gap + 1] = 0.0
-    return run.effort("left"), speed, acceleration
-
-
 def _strokes(moving: BoolArray, speed: FloatArray) -> IntArray:
     """The number of the stroke that each row belongs to, shape (n,): motion one way without a stop."""
     state = np.where(moving, np.sign(speed), 0.0)
     return np.asarray(np.cumsum(np.diff(state, prepend=0.0) != 0.0))
-
-
-def _regression(terms: FloatArray, effort: FloatArray) -> FloatArray:
-    return np.asarray(np.linalg.lstsq(terms, effort, rcond=None)[0])
 
 
 def _jackknife(terms: FloatArray, effort: FloatArray, stroke: IntArray) -> tuple[float, float]:
@@ -130,7 +103,7 @@ def _jackknife(terms: FloatArray, effort: FloatArray, stroke: IntArray) -> tuple
     numbers = np.unique(stroke)
     if len(numbers) < MIN_STROKES:
         return (float("nan"), float("nan"))
-    parts = np.array([_regression(terms[stroke != one], effort[stroke != one])[:2] for one in numbers])
+    parts = np.array([regression(terms[stroke != one], effort[stroke != one])[:2] for one in numbers])
     count = len(numbers)
     spread = np.sqrt((count - 1) / count * np.sum((parts - parts.mean(axis=0)) ** 2, axis=0))
     return (float(QUANTILE * spread[0]), float(QUANTILE * spread[1]))

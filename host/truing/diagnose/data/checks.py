@@ -50,6 +50,11 @@ _KNOWN: dict[str, tuple[Severity, str]] = {
         "Add the load to the simulation as a constant effort, or balance it, and record steps both ways: a "
         "model found here has the efforts beyond it as its input",
     ),
+    "scatter": (
+        "warning",
+        "Record steps of effort without a speed controller: these efforts say what friction takes, and "
+        "nothing of the speed",
+    ),
     "sides": ("warning", "Turn each wheel ten times by hand and compare its counts with the baseline's"),
 }
 

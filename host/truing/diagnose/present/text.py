@@ -141,7 +141,14 @@ def headline(diagnosis: Diagnosis) -> str:
         options = [" with ".join(map(effect_title, names)) for names in alternatives(diagnosis)]
         mark = ";" if any(" with " in option for option in options) else ","
         return f"Physics is missing; these recordings do not identify which: {joined(options, 'or', mark)}."
+    if _says_no_speed(diagnosis):
+        return "The efforts do not tell slow from fast motion: no simulation that they drive can follow it."
     return "There is a significant mismatch, and nothing in the catalogue explains it."
+
+
+def _says_no_speed(diagnosis: Diagnosis) -> bool:
+    """Whether the efforts of slow and fast motion are alike (`recording/inverse_dynamics.py`)."""
+    return any(check.topic == "scatter" for check in diagnosis.checks)
 
 
 def _simulation(diagnosis: Diagnosis) -> str:
@@ -427,7 +434,7 @@ def next_lines(diagnosis: Diagnosis, *, board: bool) -> list[str]:
             f"The board can compensate it ({names}): --export params:board.toml, then "
             "`truing params load --file board.toml`."
         )
-    if diagnosis.verdict in ("unexplained", "partly_explained"):
+    if diagnosis.verdict in ("unexplained", "partly_explained") and not _says_no_speed(diagnosis):
         lines.append("Inspect the places listed: the robot's motion there, and the recorder.")
     steps = dict.fromkeys(check.next_step for check in diagnosis.checks if check.severity == "warning")
     lines += [sentence(step) for step in steps if step]
