@@ -7,6 +7,7 @@ friction, a filter and a delay. Those models are fitted here, so that the verdic
 
 from __future__ import annotations
 
+from truing.diagnose.catalogue import CATALOGUE
 from truing.diagnose.compare import largest_difference
 from truing.diagnose.fit import Fit, fit
 from truing.diagnose.intervals import covariance, not_different_from_absent
@@ -62,19 +63,27 @@ def extended_exchange(search: Search, best: Fit) -> tuple[Search, Fit]:
     if not best.effects or not is_incomplete(search, best):
         return search, best
     unseen = UnseenRuns.beside(search, best)
-    for one in _exchanged(search, best)[:MAX_OTHERS]:
-        if unseen.benefit(one, best) > -SIMILAR_BENEFIT and _is_sound(search, one):
-            found = next_effect(search, one)
-            if found is not None and is_worth_it(search, unseen, found, best):
-                search = under_noise_of(search, found)
-                return extend_model(search, search.fits[effect_set(*found.effects)])
-    return search, best
+    others = [one for one in _exchanged(search, best) if not _generalises(one, best)]
+    sound = [one for one in others[:MAX_OTHERS] if _is_sound(search, one)]
+    one = max(sound, key=lambda each: unseen.benefit(each, best), default=None)
+    if one is None or unseen.benefit(one, best) < -SIMILAR_BENEFIT:
+        return search, best
+    found = next_effect(search, one)
+    if found is None or not is_worth_it(search, unseen, found, best):
+        return search, best
+    search = under_noise_of(search, found)
+    return extend_model(search, search.fits[effect_set(*found.effects)])
 
 
 def _exchanged(search: Search, best: Fit) -> list[Fit]:
     """Fits that share all but one effect with `best`."""
     own = set(best.effects)
     return [one for one in search.ranked(len(own)) if len(own & set(one.effects)) == len(own) - 1]
+
+
+def _generalises(one: Fit, best: Fit) -> bool:
+    """Whether the effect that `one` has instead holds the one of `best` as a special case."""
+    return any(CATALOGUE[name].extends in best.effects for name in set(one.effects) - set(best.effects))
 
 
 def _plain_error(search: Search, one: Fit) -> float:
