@@ -22,7 +22,7 @@ BUILD = ROOT / "build" / "stm32f405"
 IMAGE = BUILD / "firmware" / "truing-f405.elf"
 USB_BUILD = ROOT / "build" / "stm32f405-usb"
 USB_IMAGE = USB_BUILD / "firmware" / "truing-f405-usb.elf"
-CHIP = ROOT / "firmware" / "stm32f405"
+SHARED, CHIP = ROOT / "firmware" / "stm32", ROOT / "firmware" / "stm32f405"
 TABLE = ROOT / "firmware" / "BUDGETS.md"
 DIGITS = 3
 
@@ -98,7 +98,7 @@ def memory(image: Path) -> list[Budget]:
 
 def stack(image_path: Path, build: Path, seen: int) -> list[Budget]:
     image = stack_depth.Image(image_path, build)
-    worst = stack_depth.worst(image, CHIP)
+    worst = stack_depth.worst(image, SHARED, CHIP)
     reserved = image.values["__stack_top"] - image.values["__stack_limit"]
     below = worst.size - sum(level.size for level in worst.levels)
     print("deepest stack, by call graph:")
@@ -132,8 +132,8 @@ class Allowance:
 HANDLERS = {
     "SysTick_Handler": Allowance("control tick", 10_000, 100, "a tenth of the tick, at 1.7 cycles each"),
     "PVD_Handler": Allowance("supply sags, PVD", 100, 1, "1 us, at 1.7 cycles each"),
-    "USART3_Handler": Allowance("serial port, idle line", 100, 1, "1 us, at 1.7 cycles each"),
-    "DMA1_Stream3_Handler": Allowance("serial port, run sent", 100, 1, "the same; a byte lasts 10.8 us"),
+    "Serial_Handler": Allowance("serial port, idle line", 100, 1, "1 us, at 1.7 cycles each"),
+    "SerialStream_Handler": Allowance("serial port, run sent", 100, 1, "the same; a byte lasts 10.8 us"),
     "CAN1_TX_Handler": Allowance("CAN, sent", 500, 3, "3 us, at 1 cycle each; the shortest frame takes 47"),
     "CAN1_RX0_Handler": Allowance("CAN, received", 500, 3, "the same; three frames wait in hardware"),
     "CAN1_SCE_Handler": Allowance("CAN, errors", 500, 3, "the same; once each time the bus is left"),

@@ -11,23 +11,32 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
+CHIPS = ("stm32f405", "stm32g474")
+# What each chip's room says to the room that the chips share, which takes that of the chip it is built for.
+CHIP_HEADERS = (
+    *("adc_port.h", "clock_tree.h", "crystal_port.h", "flash_cells.h", "pin_functions.h", "registers.h"),
+    *("reset_flags.h", "usart_port.h"),
+)
 MAY_INCLUDE: dict[str, tuple[str, ...]] = {
     "protocol/c": (),
     "protocol/vectors": ("protocol/c",),
     "firmware/hal": (),
     "firmware/hal/host": ("firmware/hal",),
     "firmware/core": ("protocol/c", "firmware/hal/hal.h"),
-    "firmware/stm32f405": (
+    "firmware/stm32": (
         "firmware/core/controller.h",
-        "firmware/core/image_slot.h",
         "firmware/hal/hal.h",
+        *(f"firmware/{chip}/{header}" for chip in CHIPS for header in CHIP_HEADERS),
     ),
+    "firmware/stm32f405": ("firmware/stm32", "firmware/hal/hal.h", "firmware/core/image_slot.h"),
     "firmware/stm32f405/loader": (
         "firmware/core/image_slot.h",
+        "firmware/stm32",
         "firmware/stm32f405",
         "protocol/c",
     ),
-    "firmware/stm32f405/boards": (),
+    "firmware/stm32g474": ("firmware/stm32", "firmware/hal/hal.h"),
+    **{f"firmware/{chip}/boards": () for chip in CHIPS},
     "hil_sim/board": ("<unicorn/unicorn.h>",),
     "hil_sim/plant": (),
     "hil_sim/rig": ("hil_sim/board/board.h", "hil_sim/plant/plant.h"),

@@ -272,9 +272,9 @@ def deepest(functions: dict[int, Function], entry: int, frame: Callable[[Functio
     return visit(entry)
 
 
-def priorities(chip: Path) -> dict[str, int]:
+def priorities(shared: Path, chip: Path) -> dict[str, int]:
     """The priority of each handler: the one that its own file hands to the interrupt controller."""
-    header = (chip / "cortex.h").read_text()
+    header = (shared / "cortex.h").read_text()
     macros = dict(re.findall(r"^#define (PRIORITY_\w+)\s+(\w+)", header, re.MULTILINE))
 
     def value(name: str) -> int:
@@ -282,7 +282,7 @@ def priorities(chip: Path) -> dict[str, int]:
         return value(text) if text in macros else int(text.rstrip("u"), 0)
 
     found: dict[str, int] = {}
-    for source in sorted(chip.glob("*.c")):
+    for source in sorted([*shared.glob("*.c"), *chip.glob("*.c")]):
         text = source.read_text()
         used = set(re.findall(r"(?:NVIC_IPR|SCB_SHPR)\([^)]*\)?\) = (PRIORITY_\w+);", text))
         if len(used) > 1:
@@ -301,9 +301,9 @@ class Worst:
     levels: tuple[Depth, ...]
 
 
-def worst(image: Image, chip: Path) -> Worst:
+def worst(image: Image, shared: Path, chip: Path) -> Worst:
     """The program at its deepest, interrupted there, and each handler at its own deepest."""
-    priority = priorities(chip)
+    priority = priorities(shared, chip)
     levels: dict[int, Depth] = {}
     for handler in sorted(set(image.vectors().values()) - {RESET, *FAULTS}):
         if handler not in priority:

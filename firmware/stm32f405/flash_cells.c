@@ -3,6 +3,7 @@
 #include "flash_cells.h"
 
 #include "cortex.h"
+#include "flash_cache.h"
 #include "registers.h"
 
 static void unlock(void)
@@ -21,12 +22,7 @@ static bool finish(void)
     }
     const bool good = (FLASH_SR & FLASH_SR_ERRORS) == 0;
     FLASH_CR = FLASH_CR_LOCK;
-    /* The data cache is not updated (RM0090 section 3.5.2), and may be reset only while it is off. */
-    const uint32_t acr = FLASH_ACR;
-    FLASH_ACR = acr & ~FLASH_ACR_DCEN;
-    FLASH_ACR = (acr & ~FLASH_ACR_DCEN) | FLASH_ACR_DCRST;
-    FLASH_ACR = acr & ~FLASH_ACR_DCEN;
-    FLASH_ACR = acr;
+    flash_forget_cached();
     return good;
 }
 

@@ -15,7 +15,7 @@ from hil_sim import Target, VirtualRobot
 from support.driving import BRAKE, bridges, host
 
 CHIP = "firmware/stm32f405"
-COMPILER = ["arm-none-eabi-gcc", "-std=c11", "-fsyntax-only", "-mcpu=cortex-m4", "-xc", "-I."]
+COMPILER = ["arm-none-eabi-gcc", "-std=c11", "-fsyntax-only", "-mcpu=cortex-m4", "-xc", "-I.", "-I../stm32"]
 
 
 @pytest.fixture

@@ -189,8 +189,8 @@ def test_the_first_silicon_does_not_prefetch(robot: VirtualRobot, idcode: int, p
 
 HANDLERS = (
     "PVD_Handler",
-    "DMA1_Stream3_Handler",
-    "USART3_Handler",
+    "SerialStream_Handler",
+    "Serial_Handler",
     "CAN1_TX_Handler",
     "CAN1_RX0_Handler",
     "CAN1_SCE_Handler",

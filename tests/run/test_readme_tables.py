@@ -10,6 +10,7 @@ import pytest
 # README, and the folder whose modules its tables name.
 MODULE_TABLES = {
     "firmware/core/README.md": "firmware/core",
+    "firmware/stm32/README.md": "firmware/stm32",
     "firmware/stm32f405/README.md": "firmware/stm32f405",
     "hil_sim/board/README.md": "hil_sim/board",
     "hil_sim/host_robot/README.md": "hil_sim/host_robot",

@@ -312,7 +312,7 @@ FAULTS: Final[tuple[FaultInfo, ...]] = (
         "crystal_wrong",
         False,
         "the crystal does not oscillate at 8 MHz, so that the CPU runs from its internal oscillator; the CAN bus is silent",
-        "fit a crystal of 8 MHz, or build the image for this board's (`firmware/stm32f405/clock.c`); driving is possible meanwhile",
+        "fit a crystal of 8 MHz, or build the image for this board's (`firmware/stm32f405/boards/`); driving is possible meanwhile",
     ),
 )
 

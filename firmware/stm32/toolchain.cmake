@@ -1,4 +1,4 @@
-# How to compile for the STM32F405: the GNU Arm compiler, Cortex-M4 with its single-precision FPU.
+# How to compile for the STM32F405 and the STM32G474: the GNU Arm compiler, Cortex-M4 with its single-precision FPU.
 set(CMAKE_SYSTEM_NAME Generic)
 set(CMAKE_SYSTEM_PROCESSOR cortex-m4)
 

@@ -15,8 +15,6 @@ struct exception_frame {
 
 __attribute__((section(".noinit"), used)) struct fault_record last_fault;
 
-_Noreturn void record_fault(const struct exception_frame *frame);
-
 void faults_enable(void)
 {
     SCB_SHCSR |= SHCSR_MEMFAULTENA | SHCSR_BUSFAULTENA | SHCSR_USGFAULTENA;
@@ -87,15 +85,4 @@ _Noreturn void record_fault(const struct exception_frame *frame)
     cpu_barrier();
     for (;;) {
     }
-}
-
-/* The clock security system has seen the crystal stop and has put the CPU on the 16 MHz oscillator (RM0090
- * section 7.2.7). Every divider is wrong from here on, so the chip starts over, and start-up finds a clock.
- */
-void NMI_Handler(void)
-{
-    if ((RCC->cir & RCC_CIR_CSSF) != 0) {
-        RCC->cir |= RCC_CIR_CSSC;
-    }
-    record_fault(0);
 }

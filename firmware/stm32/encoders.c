@@ -18,11 +18,9 @@
 
 enum { TIMEBASE_HZ = 1000000 };
 
-/* A level must hold for eight samples at 84 MHz / 4 / 8, that is 3.05 us, before it counts (RM0090 section
- * 18.4.7). Edges of the bridges couple pulses of about a microsecond into encoder wires. The fastest encoder
- * this passes gives 650 000 counts a second. All edges are dated later by this much, which no difference
- * shows. */
-enum { FILTER = 9 };
+/* A level must hold for ENCODER_FILTER, 3 us, before it counts (RM0090 section 18.4.7). Edges of the bridges
+ * couple pulses of about a microsecond into encoder wires. The fastest encoder this passes gives 650 000
+ * counts a second. All edges are dated later by this much, which no difference shows. */
 
 /* Channels that wait for the next count in each direction, from 0. */
 #define ABOVE   2u
@@ -66,7 +64,7 @@ void encoders_start(uint32_t timer_apb1_hz)
     for (uint32_t wheel = 0; wheel < HAL_WHEELS; wheel++) {
         struct timer *const timer = timers[wheel];
         timer->cr1 = TIM_CR1_CKD_DIV4;
-        timer->ccmr1 = (TIM_CCMR_INPUT | TIM_CCMR_FILTER(FILTER)) * 0x0101u;
+        timer->ccmr1 = (TIM_CCMR_INPUT | TIM_CCMR_FILTER(ENCODER_FILTER)) * 0x0101u;
         timer->ccmr2 = 0; /* outputs that do nothing but match */
         timer->ccer = 0;  /* rising edges, not inverted */
         timer->smcr = TIM_SMCR_ENCODER_X4;
@@ -75,10 +73,10 @@ void encoders_start(uint32_t timer_apb1_hz)
         timer->egr = TIM_EGR_UG;
         timer->cr1 = TIM_CR1_CKD_DIV4 | TIM_CR1_CEN;
         /* Pull-ups serve encoders with open collectors, and hold the lines of an absent one. */
-        pin_to_peripheral(wheel == 0u ? BOARD_LEFT_ENCODER_A : BOARD_RIGHT_ENCODER_A,
-                          FUNCTION_OF_TIMER(BOARD_LEFT_ENCODER_TIMER), PULL_UP);
-        pin_to_peripheral(wheel == 0u ? BOARD_LEFT_ENCODER_B : BOARD_RIGHT_ENCODER_B,
-                          FUNCTION_OF_TIMER(BOARD_LEFT_ENCODER_TIMER), PULL_UP);
+        pin_to_peripheral(wheel == 0u ? BOARD_LEFT_ENCODER_A : BOARD_RIGHT_ENCODER_A, FUNCTION_OF_ENCODER,
+                          PULL_UP);
+        pin_to_peripheral(wheel == 0u ? BOARD_LEFT_ENCODER_B : BOARD_RIGHT_ENCODER_B, FUNCTION_OF_ENCODER,
+                          PULL_UP);
         last[wheel] = (uint16_t)timer->cnt;
         total[wheel] = 0;
     }

@@ -1,7 +1,7 @@
 /* The program of the board: starts the drivers, runs the controller's tick each millisecond and its poll
  * between. */
 #include "battery.h"
-#include "bxcan.h"
+#include "can_port.h"
 #include "clock.h"
 #include "controller.h"
 #include "cortex.h"
@@ -65,7 +65,7 @@ void SysTick_Handler(void)
     battery_update();
     controller_tick(&controller);
     usart_link_tick();
-    bxcan_tick();
+    can_tick();
     blink();
     supply_settle();
     const bool overran = tick_overran();
@@ -86,7 +86,7 @@ void hal_sense(struct hal_sample *out)
 
 bool hal_has_unheard(void)
 {
-    return usart_link_has_unheard() || bxcan_has_unheard();
+    return usart_link_has_unheard() || can_has_unheard();
 }
 
 uint32_t hal_now_us(void)
@@ -108,17 +108,6 @@ void hal_critical_exit(uint32_t state)
     cpu_set_basepri(state);
 }
 
-static void start_peripheral_clocks(void)
-{
-    RCC->ahb1enr |=
-        RCC_AHB1ENR_GPIOA | RCC_AHB1ENR_GPIOB | RCC_AHB1ENR_GPIOC | RCC_AHB1ENR_CCM | RCC_AHB1ENR_DMA1;
-    RCC->ahb2enr |= RCC_AHB2ENR_RNG;
-    RCC->apb1enr |=
-        RCC_APB1ENR_TIM2 | RCC_APB1ENR_TIM3 | RCC_APB1ENR_TIM4 | RCC_APB1ENR_USART3 | RCC_APB1ENR_CAN1;
-    RCC->apb2enr |= RCC_APB2ENR_TIM1 | RCC_APB2ENR_TIM8 | RCC_APB2ENR_ADC1;
-    (void)RCC->apb2enr; /* a clock needs two cycles to arrive (ES0182); the read takes longer */
-}
-
 static void start_tick(uint32_t cpu_hz)
 {
     SCB_SHPR(EXCEPTION_SYSTICK) = PRIORITY_TICK;
@@ -131,7 +120,7 @@ int main(void)
 {
     struct clock clock;
     watchdog_start();
-    start_peripheral_clocks();
+    clock_peripherals();
     driver_enable_start();
     motors_start(CLOCK_RESET_HZ); /* brakes: a robot that restarts at speed must not wait for the crystal */
     debugger_brakes();
@@ -146,7 +135,7 @@ int main(void)
     log_memory_start();
     controller_init(&controller);
     usart_link_start(clock.apb1_hz); /* late, or what arrives before interrupts are on would overrun */
-    bxcan_prepare(clock.apb1_hz, clock.source == CLOCK_CRYSTAL_PLL);
+    can_prepare(clock.can_hz, clock.source == CLOCK_CRYSTAL_PLL);
     watchdog_shorten();
     start_tick(clock.cpu_hz);
     cpu_interrupts_on();
@@ -156,7 +145,7 @@ int main(void)
         /* Asked with interrupts off, or a frame that ends in between would wait for the next tick. */
         cpu_interrupts_off();
         const bool serial_calls = usart_link_take_call();
-        const bool can_calls = bxcan_take_call();
+        const bool can_calls = can_take_call();
         if (!serial_calls && !can_calls) {
             idle_begin();
             cpu_wait_for_interrupt();

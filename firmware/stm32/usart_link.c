@@ -1,6 +1,6 @@
-/* Moves bytes between USART3 and two rings by DMA: reception goes round its ring for ever, transmission
- * leaves in runs. Where the DMA does not start (QEMU has none), each byte interrupts, and the tick feeds the
- * transmitter too.
+/* Moves bytes between the serial port and two rings by DMA: reception goes round its ring for ever,
+ * transmission leaves in runs. Where the DMA does not start (QEMU has none), each byte interrupts, and the
+ * tick feeds the transmitter too.
  *
  * Each ring has one writer and one reader: the port and the main loop. Indices run freely and are masked on
  * access, so that full and empty differ. The tick reads the received bytes a second time. */
@@ -13,6 +13,7 @@
 #include "idle.h"
 #include "pins.h"
 #include "registers.h"
+#include "usart_port.h"
 
 /* Powers of two. The largest frame is 1041 bytes on the wire: three of them fit either way. */
 enum { RX_SIZE = 4096, TX_SIZE = 4096 };
@@ -32,10 +33,6 @@ enum { PUMP_LIMIT = 16 };
 #define CR1_ON    (USART_CR1_UE | USART_CR1_TE | USART_CR1_RE)
 #define CR1_BYTES (CR1_ON | USART_CR1_RXNEIE) /* without DMA, and nothing to send */
 
-/* DMA1, RM0090 table 42. */
-enum { RX_STREAM = 1, TX_STREAM = 3 };
-#define STREAM_CR (DMA_CR_CHANNEL(4u) | DMA_CR_MINC) /* bytes, direct mode */
-
 volatile struct usart_link_errors usart_link_errors;
 
 static uint8_t rx_ring[RX_SIZE];
@@ -53,12 +50,12 @@ static volatile uint32_t tx_run;    /* bytes that the stream sends now; while 0,
 /* The fields of a stream may be written only while it is off (RM0090 section 10.3.17), as reset leaves it. */
 static bool start_reception(void)
 {
-    struct dma_stream *const rx = &DMA1->stream[RX_STREAM];
-    rx->par = (uintptr_t)&USART3->dr;
+    struct dma_stream *const rx = SERIAL_RX_STREAM;
+    rx->par = SERIAL_RX_ADDRESS;
     rx->m0ar = (uintptr_t)rx_ring;
     rx->ndtr = RX_SIZE;
-    rx->cr = STREAM_CR | DMA_CR_CIRC;
-    rx->cr = STREAM_CR | DMA_CR_CIRC | DMA_CR_EN;
+    rx->cr = SERIAL_STREAM_CR | DMA_CR_CIRC;
+    rx->cr = SERIAL_STREAM_CR | DMA_CR_CIRC | DMA_CR_EN;
     return (rx->cr & DMA_CR_EN) != 0;
 }
 
@@ -82,21 +79,22 @@ static uint32_t divider(uint32_t bus_hz)
 
 void usart_link_start(uint32_t bus_hz)
 {
-    pin_to_peripheral(BOARD_SERIAL_TX, FUNCTION_USART3, PULL_UP);
-    pin_to_peripheral(BOARD_SERIAL_RX, FUNCTION_USART3, PULL_UP); /* an open line idles */
-    USART3->cr1 = 0;
-    USART3->cr2 = 0; /* one stop bit */
-    USART3->brr = divider(bus_hz);
+    pin_to_peripheral(BOARD_SERIAL_TX, FUNCTION_SERIAL, PULL_UP);
+    pin_to_peripheral(BOARD_SERIAL_RX, FUNCTION_SERIAL, PULL_UP); /* an open line idles */
+    SERIAL->cr1 = 0;
+    SERIAL->cr2 = 0; /* one stop bit */
+    SERIAL->brr = divider(bus_hz);
+    usart_route();
     by_dma = start_reception();
     if (by_dma) {
-        DMA1->stream[TX_STREAM].par = (uintptr_t)&USART3->dr;
-        NVIC_IPR(IRQ_DMA1_STREAM3) = PRIORITY_USART3;
-        NVIC_ISER(IRQ_DMA1_STREAM3 / 32u) = 1u << (IRQ_DMA1_STREAM3 % 32u);
+        SERIAL_TX_STREAM->par = SERIAL_TX_ADDRESS;
+        NVIC_IPR(IRQ_SERIAL_STREAM) = PRIORITY_SERIAL;
+        NVIC_ISER(IRQ_SERIAL_STREAM / 32u) = 1u << (IRQ_SERIAL_STREAM % 32u);
     }
-    USART3->cr3 = by_dma ? USART_CR3_DMAR | USART_CR3_DMAT : 0;
-    USART3->cr1 = by_dma ? CR1_ON | USART_CR1_IDLEIE : CR1_BYTES;
-    NVIC_IPR(IRQ_USART3) = PRIORITY_USART3;
-    NVIC_ISER(IRQ_USART3 / 32u) = 1u << (IRQ_USART3 % 32u);
+    SERIAL->cr3 = by_dma ? USART_CR3_DMAR | USART_CR3_DMAT : 0;
+    SERIAL->cr1 = by_dma ? CR1_ON | USART_CR1_IDLEIE : CR1_BYTES;
+    NVIC_IPR(IRQ_SERIAL) = PRIORITY_SERIAL;
+    NVIC_ISER(IRQ_SERIAL / 32u) = 1u << (IRQ_SERIAL % 32u);
 }
 
 static void note_errors(uint32_t status)
@@ -115,7 +113,7 @@ static void call_main_loop(void)
 /* Without DMA: one byte. */
 static void receive(uint32_t status)
 {
-    const uint8_t byte = (uint8_t)USART3->dr; /* also clears the error flags of `status` */
+    const uint8_t byte = usart_take_byte(status);
     note_errors(status);
     if ((status & USART_SR_RXNE) == 0 || (status & USART_SR_FE) != 0) {
         return;
@@ -137,30 +135,27 @@ static void receive(uint32_t status)
 static void transmit(uint32_t limit)
 {
     uint32_t tail = tx_tail;
-    while (limit-- > 0 && tail != tx_head && (USART3->sr & USART_SR_TXE) != 0) {
-        USART3->dr = tx_ring[tail % TX_SIZE];
+    while (limit-- > 0 && tail != tx_head && (usart_status() & USART_SR_TXE) != 0) {
+        usart_put_byte(tx_ring[tail % TX_SIZE]);
         tail++;
     }
     tx_tail = tail;
     if (tail == tx_head) {
-        USART3->cr1 = CR1_BYTES;
+        SERIAL->cr1 = CR1_BYTES;
     }
 }
 
-/* With DMA: its flags go by reading SR, then DR (RM0090 section 30.6.1). A byte that waits there is the
- * stream's, whose own read completes the sequence. */
+/* With DMA. */
 static void clear_status(uint32_t status)
 {
     note_errors(status);
-    if ((status & USART_SR_RXNE) == 0) {
-        (void)USART3->dr;
-    }
+    usart_clear_status(status);
 }
 
 /* With DMA: the line has been idle for a byte's time; whole frames may wait. */
-void USART3_Handler(void)
+void Serial_Handler(void)
 {
-    const uint32_t status = USART3->sr;
+    const uint32_t status = usart_status();
     if (by_dma) {
         clear_status(status);
         call_main_loop();
@@ -170,7 +165,7 @@ void USART3_Handler(void)
     if ((status & (USART_SR_RXNE | USART_SR_ORE)) != 0) {
         receive(status);
     }
-    if ((status & USART_SR_TXE) != 0 && (USART3->cr1 & USART_CR1_TXEIE) != 0) {
+    if ((status & USART_SR_TXE) != 0 && (SERIAL->cr1 & USART_CR1_TXEIE) != 0) {
         transmit(1);
     }
     cpu_finish_writes();
@@ -180,7 +175,7 @@ void USART3_Handler(void)
  * main loop while no run is under way. */
 static void start_run(void)
 {
-    struct dma_stream *const tx = &DMA1->stream[TX_STREAM];
+    struct dma_stream *const tx = SERIAL_TX_STREAM;
     const uint32_t at = tx_tail % TX_SIZE;
     uint32_t run = tx_head - tx_tail;
     run = run < TX_RUN ? run : TX_RUN;
@@ -190,13 +185,13 @@ static void start_run(void)
         tx->m0ar = (uintptr_t)(tx_ring + at);
         tx->ndtr = run;
         cpu_barrier(); /* the ring's bytes are in memory before the stream reads them */
-        tx->cr = STREAM_CR | DMA_CR_TO_PERIPHERAL | DMA_CR_TCIE | DMA_CR_EN;
+        tx->cr = SERIAL_STREAM_CR | DMA_CR_TO_PERIPHERAL | DMA_CR_TCIE | DMA_CR_EN;
     }
 }
 
-void DMA1_Stream3_Handler(void)
+void SerialStream_Handler(void)
 {
-    DMA1->lifcr = DMA_LIFCR_STREAM3; /* a stream does not start with a flag left (RM0090 section 10.3.17) */
+    usart_end_run();
     tx_tail = tx_tail + tx_run;
     start_run();
     cpu_finish_writes();
@@ -205,7 +200,7 @@ void DMA1_Stream3_Handler(void)
 void usart_link_tick(void)
 {
     if (by_dma) {
-        const uint32_t status = USART3->sr;
+        const uint32_t status = usart_status();
         if ((status & (USART_SR_ORE | USART_SR_FE | USART_SR_NE)) != 0) {
             clear_status(status);
         }
@@ -233,7 +228,7 @@ static uint32_t received(void)
     if (!by_dma) {
         return head;
     }
-    const uint32_t at = RX_SIZE - DMA1->stream[RX_STREAM].ndtr;
+    const uint32_t at = RX_SIZE - SERIAL_RX_STREAM->ndtr;
     return head + ((at - head) % RX_SIZE);
 }
 
@@ -317,7 +312,7 @@ size_t hal_link_write(const uint8_t *data, size_t length)
         }
     } else if (count > 0) {
         /* After the head: an interrupt in between may have found the ring empty and switched itself off. */
-        USART3->cr1 = CR1_BYTES | USART_CR1_TXEIE;
+        SERIAL->cr1 = CR1_BYTES | USART_CR1_TXEIE;
     } else {
         /* the ring is full: the transmitter is on */
     }

@@ -105,7 +105,7 @@ static inline void start_timer(uint32_t number)
         }
     }
     timer->cr2 = idle;
-    pin_to_peripheral(BREAK_PIN_OF(number), FUNCTION_OF_TIMER(number), PULL_UP);
+    pin_to_peripheral(BREAK_PIN_OF(number), FUNCTION_OF_BREAK(number), PULL_UP);
     timer->bdtr = BRAKED;
     timer->ccer = enabled;
     timer->egr = TIM_EGR_UG;

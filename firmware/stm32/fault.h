@@ -29,7 +29,13 @@ void faults_enable(void);
 /* Reads a register that may not exist; false if the bus answers with an error. */
 bool guarded_read(uint32_t address, uint32_t *out);
 
-/* Vectors. */
+struct exception_frame;
+
+/* Brakes, keeps the registers, resets. `frame`: those that exception entry has stacked, or NULL where they
+ * are lost. */
+_Noreturn void record_fault(const struct exception_frame *frame);
+
+/* Vectors. NMI_Handler is the chip's: clock.c. */
 void fault_entry(void);
 void unexpected_interrupt(void);
 void NMI_Handler(void);

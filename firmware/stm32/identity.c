@@ -6,6 +6,7 @@
 #include "fault.h"
 #include "hal.h"
 #include "registers.h"
+#include "reset_flags.h"
 #include "supply.h"
 
 /* Boots since power-up, kept through resets; a power cycle leaves noise, which the magic number
@@ -67,7 +68,7 @@ void identity_start(const struct clock *clock)
     if (!random_word(&identity.boot_id)) {
         identity.boot_id = boots.count;
     }
-    identity.reset_cause = (uint8_t)(RCC->csr >> 24);
+    identity.reset_cause = reset_flags(RCC->csr);
     RCC->csr |= RCC_CSR_RMVF; /* or the next reset would add its cause to this one's */
     identity.cpu_hz = clock->cpu_hz;
     identity.clock_fallback = clock->source != CLOCK_CRYSTAL_PLL;

@@ -1,19 +1,7 @@
-/* Refuses a board's header that gives a pin twice, or a pin to what cannot reach it (LQFP64). */
+/* Refuses a board's header that gives a pin twice, or a pin to what cannot reach it; what reaches what
+ * says the chip's pin_functions.h. */
 #ifndef WIRING_CHECKS_H
 #define WIRING_CHECKS_H
-
-/* Datasheet DocID022152, table 9: the pins of ports A to C on which a timer's channel comes out. */
-#define REACHES_TIM1(channel, pin) ((channel) >= 1u && (channel) <= 4u && (pin) == PA(7) + (channel))
-#define REACHES_TIM8(channel, pin) ((channel) >= 1u && (channel) <= 4u && (pin) == PC(5) + (channel))
-#define REACHES_TIM3_1(pin)        ((pin) == PA(6) || (pin) == PB(4) || (pin) == PC(6))
-#define REACHES_TIM3_2(pin)        ((pin) == PA(7) || (pin) == PB(5) || (pin) == PC(7))
-#define REACHES_BRIDGE(timer, channel, pin)                                                                  \
-    (((timer) == 1u && REACHES_TIM1(channel, pin)) || ((timer) == 8u && REACHES_TIM8(channel, pin)))
-#define REACHES_ENCODER(timer, a, b)                                                                         \
-    (((timer) == 3u && REACHES_TIM3_1(a) && REACHES_TIM3_2(b)) ||                                            \
-     ((timer) == 4u && (a) == PB(6) && (b) == PB(7)))
-#define REACHES_ADC1(pin)                                                                                    \
-    ((pin) <= PA(7) || (pin) == PB(0) || (pin) == PB(1) || ((pin) >= PC(0) && (pin) <= PC(5)))
 
 /* What is compared are a header's numbers: that they agree is the point.
  * NOLINTBEGIN(misc-redundant-expression) */
@@ -39,28 +27,19 @@ _Static_assert((BOARD_ENABLE_TIMER != BOARD_LEFT_TIMER ||
                    (BOARD_ENABLE_TIMER != BOARD_RIGHT_TIMER ||
                     (BOARD_ENABLE_CHANNEL > 2u) != (BOARD_RIGHT_CHANNEL > 2u)),
                "driver enable: shares a pair of channels with a bridge");
-_Static_assert(BOARD_TIM1_BREAK_PIN == PB(12) || BOARD_TIM1_BREAK_PIN == PA(6),
-               "emergency stop: TIM1_BKIN is on PB12 or PA6");
-_Static_assert(BOARD_TIM8_BREAK_PIN == PA(6), "emergency stop: TIM8_BKIN is on PA6");
 _Static_assert(BOARD_ENABLE_TIMER == 8u || BOARD_LEFT_TIMER == 8u || BOARD_RIGHT_TIMER == 8u,
                "emergency stop: TIM8 drives neither a bridge nor the enable pin");
+_Static_assert(REACHES_BREAK(1u, BOARD_TIM1_BREAK_PIN), "emergency stop: " TIM1_BREAK_PINS);
+_Static_assert(REACHES_BREAK(8u, BOARD_TIM8_BREAK_PIN), "emergency stop: " TIM8_BREAK_PINS);
 _Static_assert(BOARD_LEFT_ENCODER_TIMER != BOARD_RIGHT_ENCODER_TIMER, "encoders: one timer each");
 _Static_assert(REACHES_ENCODER(BOARD_LEFT_ENCODER_TIMER, BOARD_LEFT_ENCODER_A, BOARD_LEFT_ENCODER_B),
                "left encoder: not channels 1 and 2 of TIM3 or TIM4");
 _Static_assert(REACHES_ENCODER(BOARD_RIGHT_ENCODER_TIMER, BOARD_RIGHT_ENCODER_A, BOARD_RIGHT_ENCODER_B),
                "right encoder: not channels 1 and 2 of TIM3 or TIM4");
 _Static_assert(REACHES_ADC1(BOARD_BATTERY_PIN), "battery: the pin is no input of ADC1");
-_Static_assert((BOARD_SERIAL_TX == PB(10) && BOARD_SERIAL_RX == PB(11)) ||
-                   (BOARD_SERIAL_TX == PC(10) && BOARD_SERIAL_RX == PC(11)),
-               "serial port: USART3 is on PB10, PB11 or PC10, PC11");
-_Static_assert((BOARD_CAN_RX == PB(8) && BOARD_CAN_TX == PB(9)) ||
-                   (BOARD_CAN_RX == PA(11) && BOARD_CAN_TX == PA(12)),
-               "CAN: CAN1 is on PB8, PB9 or PA11, PA12");
-
-/* The PLL is given 2 MHz, and divides by a whole number (clock.c). RM0090 section 7.2.1: 4 to 26 MHz. */
-_Static_assert(BOARD_CRYSTAL_HZ >= 4000000u && BOARD_CRYSTAL_HZ <= 26000000u &&
-                   BOARD_CRYSTAL_HZ % 2000000u == 0u,
-               "crystal: an even number of MHz from 4 to 26");
+_Static_assert(REACHES_SERIAL(BOARD_SERIAL_TX, BOARD_SERIAL_RX), "serial port: " SERIAL_PINS);
+_Static_assert(REACHES_CAN(BOARD_CAN_RX, BOARD_CAN_TX), "CAN: " CAN_PINS);
+_Static_assert(CRYSTAL_SUITS(BOARD_CRYSTAL_HZ), "crystal: " CRYSTALS);
 
 _Static_assert(sizeof BOARD_NAME <= 16u, "board's name: 15 characters at most");
 _Static_assert(BOARD_DRIVER == DRIVER_IN_IN || BOARD_DRIVER == DRIVER_PWM_DIR ||

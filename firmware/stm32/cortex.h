@@ -12,7 +12,7 @@
  * their interrupt begins, and take half a microsecond, twice a tick at most. Faults preempt all. */
 #define PRIORITY_SUPPLY 0x10u
 #define PRIORITY_EDGE   0x20u
-#define PRIORITY_USART3 0x40u
+#define PRIORITY_SERIAL 0x40u
 #define PRIORITY_TICK   0x80u
 /* CAN stands beside the tick, so that neither interrupts the other and they may share what they like: its
  * receiver keeps three frames, 141 us of the densest traffic at 1 Mbit/s. */

@@ -2,6 +2,7 @@
 #ifndef WIRING_H
 #define WIRING_H
 
+#include "pin_functions.h"
 #include "registers.h"
 
 /* A pin is a number, its port in the upper bits; a mask of 64 bits holds them. */
@@ -17,9 +18,6 @@
 #define DRIVER_PWM_DIR      1u
 #define DRIVER_PHASE_ENABLE 2u
 
-#ifndef TRUING_BOARD_HEADER
-#define TRUING_BOARD_HEADER "boards/olimex_h405.h"
-#endif
 #include TRUING_BOARD_HEADER
 #include "wiring_checks.h"
 
@@ -27,11 +25,6 @@
 #ifndef DRIVER_ENABLE_ACTIVE_LOW
 #define DRIVER_ENABLE_ACTIVE_LOW 0
 #endif
-
-/* Alternate functions, datasheet DocID022152 table 9. */
-#define FUNCTION_OF_TIMER(timer) ((timer) == 1u ? 1u : (timer) == 8u ? 3u : 2u)
-#define FUNCTION_USART3          7u
-#define FUNCTION_CAN1            9u
 
 #define TIMER(timer) ((timer) == 1u ? TIM1 : (timer) == 8u ? TIM8 : (timer) == 3u ? TIM3 : TIM4)
 

@@ -1,23 +1,23 @@
 /* Measures the crystal against the RC oscillator before anything runs from it: a PLL that makes 168 MHz from
  * 8 makes 252 from 12, far beyond what flash and CPU bear.
  *
- * TIM11 counts the RC oscillator and captures each 248th period of the crystal: HSE_RTC is the crystal over
- * RTCPRE, here 31, TI1_RMP connects it to channel 1 without the RTC or the backup domain being touched, and
- * the channel's prescaler divides by 8 (RM0090 sections 7.2.11, 7.3.3 and 19.5.11). */
+ * A timer counts the RC oscillator and captures the crystal, which reaches its channel 1 inside the chip,
+ * divided there, and again by 8 by the channel's prescaler. */
 #include "crystal.h"
 
 #include <stdint.h>
 
+#include "crystal_port.h"
 #include "registers.h"
 #include "wiring.h"
 
-/* What SysTick, TIM11 and the CPU run from meanwhile. */
+/* What SysTick, the timer and the CPU run from meanwhile. */
 #define RC_HZ 16000000u
 
-enum { DIVIDER = 31, PRESCALER = 8, CAPTURES = 64 };
+enum { PRESCALER = 8, CAPTURES = 64 };
 
 /* 2 ms: the end of each period is known to a count of 62.5 ns. */
-#define COUNTS (RC_HZ / 1000u * DIVIDER * PRESCALER * CAPTURES / (BOARD_CRYSTAL_HZ / 1000u))
+#define COUNTS (RC_HZ / 1000u * CRYSTAL_DIVIDER * PRESCALER * CAPTURES / (BOARD_CRYSTAL_HZ / 1000u))
 
 /* Datasheet DocID022152, section 5.3.9: the factory's calibration of the RC oscillator holds within -8 and
  * +4.5 % from -40 to 105 C, and within 1 % at 25 C. Half a per cent more is left to the crystal and to the
@@ -33,12 +33,12 @@ enum { DIVIDER = 31, PRESCALER = 8, CAPTURES = 64 };
 static bool next_capture(uint16_t *count)
 {
     const uint32_t start = SYSTICK->val;
-    while ((TIM11->sr & TIM_SR_CC1IF) == 0) {
+    while ((CRYSTAL_TIMER->sr & TIM_SR_CC1IF) == 0) {
         if (((start - SYSTICK->val) & SYSTICK_MAX) > CAPTURE_LIMIT) {
             return false;
         }
     }
-    *count = (uint16_t)TIM11->ccr[0]; /* clears the flag */
+    *count = (uint16_t)CRYSTAL_TIMER->ccr[0]; /* clears the flag */
     return true;
 }
 
@@ -58,22 +58,18 @@ static uint32_t measure(void)
         counts += (uint16_t)(next - last);
         last = next;
     }
-    return (TIM11->sr & TIM_SR_CC1OF) == 0 ? counts : 0; /* one was missed: far too fast */
+    return (CRYSTAL_TIMER->sr & TIM_SR_CC1OF) == 0 ? counts : 0; /* one was missed: far too fast */
 }
 
 bool crystal_is_right(void)
 {
-    RCC->cfgr |= RCC_CFGR_RTCPRE(DIVIDER);
-    RCC->apb2enr |= RCC_APB2ENR_TIM11;
-    (void)RCC->apb2enr;
-    TIM11->option = TIM11_OR_HSE_RTC;
-    TIM11->ccmr1 = TIM_CCMR_INPUT | TIM_CCMR_EACH_8;
-    TIM11->ccer = TIM_CCER_ENABLE(0);
-    TIM11->cr1 = TIM_CR1_CEN;
+    crystal_connect();
+    CRYSTAL_TIMER->ccmr1 = TIM_CCMR_INPUT | TIM_CCMR_EACH_8;
+    CRYSTAL_TIMER->ccer = TIM_CCER_ENABLE(0);
+    CRYSTAL_TIMER->cr1 = TIM_CR1_CEN;
     const uint32_t counts = measure();
-    TIM11->cr1 = 0;
-    TIM11->ccer = 0;
-    RCC->apb2enr &= ~RCC_APB2ENR_TIM11;
-    RCC->cfgr &= ~RCC_CFGR_RTCPRE(DIVIDER);
+    CRYSTAL_TIMER->cr1 = 0;
+    CRYSTAL_TIMER->ccer = 0;
+    crystal_disconnect();
     return counts >= COUNTS_MIN && counts <= COUNTS_MAX;
 }

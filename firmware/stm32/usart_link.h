@@ -1,4 +1,4 @@
-/* The serial link to the host on USART3: rings between its DMA and hal_link_*. */
+/* The serial link to the host: rings between its DMA and hal_link_*. */
 #ifndef USART_LINK_H
 #define USART_LINK_H
 
@@ -38,7 +38,7 @@ bool usart_link_has_unheard(void);
 void usart_link_forget(void);
 
 /* Vectors. */
-void USART3_Handler(void);
-void DMA1_Stream3_Handler(void);
+void Serial_Handler(void);
+void SerialStream_Handler(void);
 
 #endif
