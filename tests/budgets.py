@@ -22,15 +22,50 @@ BUILD = ROOT / "build" / "stm32f405"
 IMAGE = BUILD / "firmware" / "truing-f405.elf"
 USB_BUILD = ROOT / "build" / "stm32f405-usb"
 USB_IMAGE = USB_BUILD / "firmware" / "truing-f405-usb.elf"
-SHARED, CHIP = ROOT / "firmware" / "stm32", ROOT / "firmware" / "stm32f405"
+G474_BUILD = ROOT / "build" / "stm32g474"
+G474_IMAGE = G474_BUILD / "firmware" / "truing-g474.elf"
+FIRMWARE = ROOT / "firmware"
 TABLE = ROOT / "firmware" / "BUDGETS.md"
 DIGITS = 3
 
-SECTOR_0, SECTORS_3_4 = 16 * 1024, 80 * 1024
-SRAM, CCM = 128 * 1024, 64 * 1024
-MEMORIES = {"flash": (0x08000000, 1 << 20), "SRAM": (0x20000000, SRAM), "CCM": (0x10000000, CCM)}
-CODE_START = 0x0800C000
 TICK_US = 1000
+
+
+@dataclass(frozen=True)
+class Chip:
+    """What a chip has, and what of it an image may take.
+
+    Attributes
+    ----------
+    folder : its room in firmware/, and of its build.
+    vectors, code : name of that part of flash, its size, why no more.
+    """
+
+    folder: str
+    code_start: int
+    vectors: tuple[str, int, str]
+    code: tuple[int, str]
+    sram: int
+    ccm: int
+
+
+F405 = Chip(
+    folder="stm32f405",
+    code_start=0x0800C000,
+    vectors=("loader", 16 * 1024, "sector 0; parameters follow"),
+    code=(80 * 1024, "a slot: sectors 3 and 4"),
+    sram=128 * 1024,
+    ccm=64 * 1024,
+)
+G474 = Chip(
+    folder="stm32g474",
+    code_start=0x08000800,
+    vectors=("page 0", 2 * 1024, "the page; code follows"),
+    code=(80 * 1024, "the same as for the STM32F405"),
+    sram=96 * 1024,
+    ccm=32 * 1024,
+)
+SRAM_START, CCM_START = 0x20000000, 0x10000000
 
 
 WAITS = ", with wait states"
@@ -76,29 +111,30 @@ def text(value: float) -> str:
     return exact(rounded(value))
 
 
-def memory(image: Path) -> list[Budget]:
+def memory(image: Path, chip: Chip) -> list[Budget]:
     used = dict.fromkeys(("vectors", "code", "SRAM", "CCM"), 0)
+    memories = {"SRAM": (SRAM_START, chip.sram), "CCM": (CCM_START, chip.ccm)}
     with image.open("rb") as file:
         elf = ELFFile(file)
         for segment in elf.iter_segments("PT_LOAD"):
-            where = "code" if segment["p_paddr"] >= CODE_START else "vectors"
+            where = "code" if segment["p_paddr"] >= chip.code_start else "vectors"
             used[where] += segment["p_filesz"]
         for section in elf.iter_sections():
-            for name in ("SRAM", "CCM"):
-                start, size = MEMORIES[name]
+            for name, (start, size) in memories.items():
                 if section["sh_flags"] & 2 and 0 <= section["sh_addr"] - start < size:
                     used[name] += section["sh_size"]
+    place, room, why = chip.vectors
     return [
-        Budget("flash, loader", used["vectors"], "B", SECTOR_0, "sector 0; parameters follow"),
-        Budget("flash, code and constants", used["code"], "B", SECTORS_3_4, "a slot: sectors 3 and 4"),
-        Budget("SRAM", used["SRAM"], "B", SRAM, "what there is"),
-        Budget("CCM", used["CCM"], "B", CCM, "what there is"),
+        Budget(f"flash, {place}", used["vectors"], "B", room, why),
+        Budget("flash, code and constants", used["code"], "B", *chip.code),
+        Budget("SRAM", used["SRAM"], "B", chip.sram, "what there is"),
+        Budget("CCM", used["CCM"], "B", chip.ccm, "what there is"),
     ]
 
 
-def stack(image_path: Path, build: Path, seen: int) -> list[Budget]:
+def stack(image_path: Path, build: Path, chip: Chip, seen: int | None = None) -> list[Budget]:
     image = stack_depth.Image(image_path, build)
-    worst = stack_depth.worst(image, SHARED, CHIP)
+    worst = stack_depth.worst(image, FIRMWARE / "stm32", FIRMWARE / chip.folder)
     reserved = image.values["__stack_top"] - image.values["__stack_limit"]
     below = worst.size - sum(level.size for level in worst.levels)
     print("deepest stack, by call graph:")
@@ -115,8 +151,11 @@ def stack(image_path: Path, build: Path, seen: int) -> list[Budget]:
             if level.path[0] in names
         ),
         Budget("stack, all nested", worst.size, "B", reserved / 2, f"half of the {reserved} B reserved"),
-        Budget("stack, deepest seen", seen, "B", worst.size, "the call graph's answer"),
+        *([] if seen is None else [Budget("stack, deepest seen", seen, "B", worst.size, _SEEN)]),
     ]
+
+
+_SEEN = "the call graph's answer"
 
 
 @dataclass(frozen=True)
@@ -220,8 +259,8 @@ OF_EACH_BOARD = {
 def of_board(image_path: Path, build: Path, costs: Costs, with_waits: Costs) -> list[Budget]:
     """All figures of one board's image."""
     return [
-        *memory(image_path),
-        *stack(image_path, build, costs.stack),
+        *memory(image_path, F405),
+        *stack(image_path, build, F405, costs.stack),
         *times(image_path, build, costs, with_waits),
         *loads(costs, with_waits),
     ]
@@ -233,6 +272,14 @@ def second_board() -> list[Budget]:
     rows = of_board(USB_IMAGE, USB_BUILD, costs, waiting)
     return [replace(row, name=f"f405_usb: {row.name}") for row in rows if row.name in OF_EACH_BOARD]
 
+
+def second_family() -> list[Budget]:
+    """Those that an image says without running; the STM32G474 has no emulator."""
+    rows = [*memory(G474_IMAGE, G474), *stack(G474_IMAGE, G474_BUILD, G474)]
+    return [replace(row, name=f"g474: {row.name}") for row in rows]
+
+
+NOT_MEASURED = "| g474: ticks, interrupts, loads | not measured |  |  |  |  | the chip has no emulator |\n"
 
 HEADER = f"""# Budgets
 
@@ -250,7 +297,8 @@ shows it.
   line full, statuses over CAN at 1 Mbit/s as fast as they are answered, a shorted bus, then a fault that
   stops and a sag of the supply.
 - **Boards**: the rows are those of the Olimex STM32-H405; `f405_usb` begins those of the board whose USB pins
-  are free, as far as its wiring decides them.
+  are free, as far as its wiring decides them; `g474` those of the NUCLEO-G474RE, of which there is no
+  emulator: what is read off its image is here, and nothing of it has been timed.
 - **Times and loads**: at 168 MHz, with the virtual board's cycles (`hil_sim/README.md`: one an instruction;
   loads, stores and branches more), first as if flash had no wait states, then with its 5 and with the
   accelerator's prefetch and caches, as RM0090 section 3.5.2 has them: {{cpi:.2f}} and {{waiting_cpi:.2f}}
@@ -273,7 +321,7 @@ def table(budgets: list[Budget], costs: Costs, with_waits: Costs) -> str:
         limit = "" if b.limit is None else exact(b.limit)
         share = "" if b.limit is None else f"{100 * b.worst / b.limit:.0f} %"
         lines.append(f"| {b.name} | {text(b.value)} | {waits} | {b.unit} | {limit} | {share} | {b.why} |\n")
-    return "".join(lines)
+    return "".join([*lines, NOT_MEASURED])
 
 
 def read(path: Path) -> dict[tuple[str, str], float]:
@@ -311,7 +359,7 @@ def main() -> int:
     try:
         costs = measure(IMAGE, flash_waits=False)
         waiting = measure(IMAGE, flash_waits=True)
-        budgets = [*of_board(IMAGE, BUILD, costs, waiting), *second_board()]
+        budgets = [*of_board(IMAGE, BUILD, costs, waiting), *second_board(), *second_family()]
     except stack_depth.StackError as error:
         sys.exit(f"the stack cannot be judged: {error}")
     for b in budgets:

@@ -73,11 +73,14 @@ def includes(text: str) -> Iterator[tuple[int, str, bool]]:
 
 
 def resolved(name: str, file: Path, by_name: dict[str, list[Path]]) -> list[Path]:
-    """The files that a quoted include may mean: the one of its own folder, else all of that name."""
+    """The files that a quoted include may mean: that of its own folder or the next above, else all."""
     beside = Path(*_normal((file.parent / name).parts))
     candidates = by_name.get(Path(name).name, [])
     if beside in candidates:
         return [beside]
+    above = [folder / name for folder in file.parents if folder / name in candidates]
+    if above:
+        return above[:1]
     return [path for path in candidates if path.as_posix().endswith("/" + name.lstrip("./"))]
 
 

@@ -14,6 +14,7 @@ from hypothesis import HealthCheck, settings
 ROOT = Path(__file__).resolve().parent.parent
 IMAGE = ROOT / "build/stm32f405/firmware/truing-f405.elf"
 USB_IMAGE = ROOT / "build/stm32f405-usb/firmware/truing-f405-usb.elf"
+G474_IMAGE = ROOT / "build/stm32g474/firmware/truing-g474.elf"
 NATIVE_LIBRARY = ROOT / "build/host/hil_sim/libhil_sim.so"
 
 # A bare `pytest` keeps its caches inside the repository too, as `./run test` does.
@@ -55,6 +56,12 @@ def image() -> Path:
 def usb_image() -> Path:
     """The image for the board whose USB pins are free."""
     return _built(USB_IMAGE)
+
+
+@pytest.fixture(scope="session")
+def g474_image() -> Path:
+    """The image for the NUCLEO-G474RE, which runs on no emulator."""
+    return _built(G474_IMAGE)
 
 
 @pytest.fixture(scope="session", params=["pwm-dir", "phase-enable"])

@@ -14,7 +14,7 @@ import pytest
 from hil_sim import Target, VirtualRobot
 from support.driving import BRAKE, bridges, host
 
-CHIP = "firmware/stm32f405"
+F405_USB, G474 = "stm32f405/boards/f405_usb.h", "stm32g474/boards/nucleo_g474re.h"
 COMPILER = ["arm-none-eabi-gcc", "-std=c11", "-fsyntax-only", "-mcpu=cortex-m4", "-xc", "-I.", "-I../stm32"]
 
 
@@ -89,16 +89,17 @@ def test_another_boards_image_finds_another_crystal_and_says_so(image: Path, nat
         assert robot.stats().cpu_hz == 158_000_000
 
 
-def compile_board(root: Path, folder: Path, old: str, new: str) -> str:
+def compile_board(root: Path, folder: Path, board: str, old: str, new: str) -> str:
     """What the compiler says of a board's header in which one thing is said otherwise."""
-    text = (root / CHIP / "boards/f405_usb.h").read_text()
+    path = root / "firmware" / board
+    text = path.read_text()
     assert text.count(old) == 1
     header = folder / "board.h"
     header.write_text(text.replace(old, new))
     run = subprocess.run(
         [*COMPILER, f'-DTRUING_BOARD_HEADER="{header}"', "-"],
         input='#include "wiring.h"\n',
-        cwd=root / CHIP,
+        cwd=path.parents[1],
         capture_output=True,
         text=True,
         check=False,
@@ -107,27 +108,35 @@ def compile_board(root: Path, folder: Path, old: str, new: str) -> str:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "complaint"),
+    ("board", "old", "new", "complaint"),
     [
-        ("PB(8)", "PB(8)", ""),
-        ("BOARD_LED       PC(13)", "BOARD_LED PC(8)", "a pin is given twice"),
-        ("BOARD_LED       PC(13)", "BOARD_LED PA(13)", "a pin is given twice, or is one of SWDIO"),
-        ("BOARD_LED       PC(13)", "BOARD_LED PA(12)", "a pin that is to stay free"),
-        ("BOARD_RIGHT_PIN_2   PC(7)", "BOARD_RIGHT_PIN_2 PC(9)", "right bridge: .* second pin"),
-        ("BOARD_LEFT_CHANNEL  1u", "BOARD_LEFT_CHANNEL 3u", "left bridge: .* first pin"),
-        ("BOARD_LEFT_TIMER    1u", "BOARD_LEFT_TIMER 2u", "TIM1 or TIM8, which have a break"),
-        ("BOARD_ENABLE_PIN     PC(8)", "BOARD_ENABLE_PIN PB(0)", "driver enable: .* on the pin"),
-        ("BOARD_LEFT_ENCODER_A      PB(6)", "BOARD_LEFT_ENCODER_A PA(0)", "left encoder"),
-        ("BOARD_TIM8_BREAK_PIN PA(6)", "BOARD_TIM8_BREAK_PIN PB(13)", "TIM8_BKIN is on PA6"),
-        ("BOARD_BATTERY_PIN       PC(0)", "BOARD_BATTERY_PIN PB(2)", "no input of ADC1"),
-        ("BOARD_SERIAL_TX PC(10)", "BOARD_SERIAL_TX PA(2)", "USART3 is on"),
-        ("12000000u", "11000000u", "even number of MHz"),
+        (F405_USB, "PB(8)", "PB(8)", ""),
+        (F405_USB, "BOARD_LED       PC(13)", "BOARD_LED PC(8)", "a pin is given twice"),
+        (F405_USB, "BOARD_LED       PC(13)", "BOARD_LED PA(13)", "a pin is given twice, or is one of SWDIO"),
+        (F405_USB, "BOARD_LED       PC(13)", "BOARD_LED PA(12)", "a pin that is to stay free"),
+        (F405_USB, "BOARD_RIGHT_PIN_2   PC(7)", "BOARD_RIGHT_PIN_2 PC(9)", "right bridge: .* second pin"),
+        (F405_USB, "BOARD_LEFT_CHANNEL  1u", "BOARD_LEFT_CHANNEL 3u", "left bridge: .* first pin"),
+        (F405_USB, "BOARD_LEFT_TIMER    1u", "BOARD_LEFT_TIMER 2u", "TIM1 or TIM8, which have a break"),
+        (F405_USB, "BOARD_ENABLE_PIN     PC(8)", "BOARD_ENABLE_PIN PB(0)", "driver enable: .* on the pin"),
+        (F405_USB, "BOARD_LEFT_ENCODER_A      PB(6)", "BOARD_LEFT_ENCODER_A PA(0)", "left encoder"),
+        (F405_USB, "BOARD_TIM8_BREAK_PIN PA(6)", "BOARD_TIM8_BREAK_PIN PB(13)", "TIM8_BKIN is on PA6"),
+        (F405_USB, "BOARD_BATTERY_PIN       PC(0)", "BOARD_BATTERY_PIN PB(2)", "no input of ADC1"),
+        (F405_USB, "BOARD_SERIAL_TX PC(10)", "BOARD_SERIAL_TX PA(2)", "USART3 is on"),
+        (F405_USB, "12000000u", "11000000u", "even number of MHz"),
+        (G474, "PA(5)", "PA(5)", ""),
+        (G474, "BOARD_LED       PA(5)", "BOARD_LED PB(8)", "a pin that is to stay free"),
+        (G474, "BOARD_LEFT_PIN_2     PC(1)", "BOARD_LEFT_PIN_2 PC(2)", "left bridge: .* second pin"),
+        (G474, "BOARD_TIM1_BREAK_PIN PB(12)", "BOARD_TIM1_BREAK_PIN PA(6)", "TIM1_BKIN is on PB12"),
+        (G474, "BOARD_CAN_RX    PA(11)", "BOARD_CAN_RX PB(9)", "FDCAN1 is on PA11, PA12"),
+        (G474, "BOARD_SERIAL_TX PA(2)", "BOARD_SERIAL_TX PB(10)", "USART2 is on PA2, PA3"),
+        (G474, "BOARD_BATTERY_PIN       PA(0)", "BOARD_BATTERY_PIN PA(7)", "no input of ADC1"),
+        (G474, "24000000u", "25000000u", "a multiple of 4 MHz"),
     ],
 )
 def test_a_header_that_the_chip_cannot_follow_does_not_compile(
-    root: Path, tmp_path: Path, old: str, new: str, complaint: str
+    root: Path, tmp_path: Path, board: str, old: str, new: str, complaint: str
 ) -> None:
-    said = compile_board(root, tmp_path, old, new)
+    said = compile_board(root, tmp_path, board, old, new)
     if complaint:
         assert "static assertion failed" in said
         assert re.search(complaint, said), said

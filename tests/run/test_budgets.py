@@ -103,7 +103,7 @@ def test_the_committed_table_reads_back(tmp_path: Path) -> None:
 def test_a_written_table_says_what_was_measured(tmp_path: Path, image: Path, native_library: Path) -> None:
     costs = budgets.measure(image, flash_waits=False)
     rows = [
-        *budgets.memory(image),
+        *budgets.memory(image, budgets.F405),
         *budgets.times(image, budgets.BUILD, costs, costs),
         *budgets.loads(costs, costs),
     ]

@@ -12,6 +12,7 @@ MODULE_TABLES = {
     "firmware/core/README.md": "firmware/core",
     "firmware/stm32/README.md": "firmware/stm32",
     "firmware/stm32f405/README.md": "firmware/stm32f405",
+    "firmware/stm32g474/README.md": "firmware/stm32g474",
     "hil_sim/board/README.md": "hil_sim/board",
     "hil_sim/host_robot/README.md": "hil_sim/host_robot",
     "hil_sim/plant/README.md": "hil_sim/plant",

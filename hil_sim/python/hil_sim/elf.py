@@ -5,6 +5,7 @@ The layout is that of the System V ABI, chapter 4 (ELF header, sections, symbols
 
 from __future__ import annotations
 
+import re
 import struct
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,8 +19,9 @@ _MACHINE_ARM = 40
 _SEGMENT_LOAD = 1
 _SECTION_SYMBOLS = 2
 _FLASH_START = 0x0800_0000
-_VECTORS = 4 * (16 + 82)  # RM0090 table 61
+_VECTORS = (4 * (16 + 82), 4 * (16 + 102))  # RM0090 table 61; the STM32G474's, which there is no board of
 _NAME_LENGTH = 64
+_WORD = re.compile(rb"[a-z][\w.-]{3,}")
 _KINDS = (0, 1, 2)  # no type, object, function
 
 
@@ -45,8 +47,9 @@ class Image:
     def name(self) -> str:
         """The first word of what stands behind the vector table; empty where that is no text."""
         address, content = self.segments[0]
-        word = content[_VECTORS:][:_NAME_LENGTH].split(b"\0")[0].split(b" ")[0]
-        return word.decode() if address == _FLASH_START and word.isascii() else ""
+        words = [content[end:][:_NAME_LENGTH].split(b"\0")[0].split(b" ")[0] for end in _VECTORS]
+        word = next((word for word in words if _WORD.fullmatch(word)), b"")
+        return word.decode() if address == _FLASH_START else ""
 
     @staticmethod
     def load(path: Path) -> Image:

@@ -68,6 +68,8 @@ _TARGETS = {
     "truing-f405-pwm": Target.PWM_DIR,
     "truing-f405-phase": Target.PHASE_ENABLE,
 }
+# Images for chips that there is no virtual board of.
+_NO_BOARD = {"truing-g474": "STM32G474"}
 
 
 class EncoderFault(enum.IntEnum):
@@ -203,6 +205,9 @@ class VirtualRobot(Simulated):
         self._buffer = ctypes.create_string_buffer(_BUFFER_SIZE)
         self._library = native.load(library) if library else native.load()
         self.image = Image.load(Path(image))
+        if self.image.name in _NO_BOARD:
+            chip = _NO_BOARD[self.image.name]
+            raise VirtualRobotError(f"{image} is for an {chip}, of which there is no virtual board")
         self.robot = robot or RobotParameters.msrp(library)
         problem = self.robot.problem(library) if connected else None
         if problem is not None:

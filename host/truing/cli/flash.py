@@ -102,7 +102,7 @@ def _by_tool(
     from truing.workspace import image_path
 
     what = read_image(image or image_path())
-    tool = choose(tool_name, port_here or app.port)
+    tool = choose(tool_name, port_here or app.port, what.chip)
     if not yes:
         if not app.asks:
             raise TruingError(

@@ -10,7 +10,7 @@ from pathlib import Path
 from truing.errors import FileError
 from truing.flash.header import HEADER_SIZE, read_header
 
-_NEXT = "`./run setup` builds the image for the STM32F405"
+_NEXT = "`./run setup` builds the image for the STM32F405; the presets of CMakePresets.json build the others"
 _NAME_LENGTH = 64
 
 
@@ -26,7 +26,10 @@ class Chip:
     vectors : words of the vector table, the initial stack pointer included.
     memories : address and size of what the stack may lie in.
     kept : first address of the parameters, and the first behind them; no image may touch them.
-    slot : where the image lies whose loader is at the start of flash.
+    slot : where the image lies whose loader is at the start of flash; None: it lies there itself.
+    flash_size_at : the register that says how much flash there is, in KiB.
+    openocd : OpenOCD's file of the chip.
+    tested_ways : whether option bytes and ROM loader are reached; otherwise a probe writes flash and no more.
     """
 
     image_name: str
@@ -37,7 +40,10 @@ class Chip:
     vectors: int
     memories: tuple[tuple[int, int], ...]
     kept: tuple[int, int]
-    slot: int
+    slot: int | None
+    flash_size_at: int
+    openocd: str
+    tested_ways: bool
 
 
 _H405 = Chip(
@@ -50,6 +56,24 @@ _H405 = Chip(
     memories=((0x2000_0000, 128 << 10), (0x1000_0000, 64 << 10)),
     kept=(0x0800_4000, 0x0800_C000),
     slot=0x0800_C000,
+    flash_size_at=0x1FFF_7A22,
+    openocd="stm32f4x",
+    tested_ways=True,
+)
+
+_G474 = Chip(
+    image_name="truing-g474",
+    board="ST NUCLEO-G474RE, 24 MHz",
+    title="STM32G474",
+    device_id=0x469,
+    flash=(0x0800_0000, 512 << 10),
+    vectors=16 + 102,
+    memories=((0x2000_0000, 96 << 10), (0x1000_0000, 32 << 10)),
+    kept=(0x0804_0000, 0x0805_0000),
+    slot=None,
+    flash_size_at=0x1FFF_75E0,
+    openocd="stm32g4x",
+    tested_ways=False,
 )
 
 CHIPS = (
@@ -57,6 +81,7 @@ CHIPS = (
     replace(_H405, image_name="truing-f405-pwm", board="Olimex STM32-H405, drivers with PWM and direction"),
     replace(_H405, image_name="truing-f405-phase", board="Olimex STM32-H405, drivers with enable and phase"),
     replace(_H405, image_name="truing-f405-usb", board="USB pins free, right bridge on TIM8, 12 MHz"),
+    _G474,
 )
 
 
@@ -173,6 +198,8 @@ def _problem(chip: Chip, parts: list[Part]) -> str:
             return f"{where} would overwrite the stored parameters"
     if any(after.address < before.end for before, after in pairwise(parts)):
         return "its parts overlap"
+    if chip.slot is None:
+        return _problem_of_vectors(chip, parts, parts[0].data)
     slot = next((part for part in parts if part.address == chip.slot), None)
     if slot is None:
         return f"it holds no image at 0x{chip.slot:08x}"

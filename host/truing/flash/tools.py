@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from truing.errors import FlashError
-from truing.flash.image import Part
+from truing.flash.image import Chip, Part
 
 LOGGER = logging.getLogger("truing.flash")
 TIMEOUT_S = 180.0
@@ -50,6 +50,7 @@ class Tool(ABC):
 
     Parameters
     ----------
+    chip_of : the chip that the image is for.
     port : the serial port of the ROM loader; probes take none.
     """
 
@@ -60,7 +61,8 @@ class Tool(ABC):
     needs_port = False
     after = "the board has started the new image"
 
-    def __init__(self, port: str = "") -> None:
+    def __init__(self, chip_of: Chip, port: str = "") -> None:
+        self.chip_of = chip_of
         self.port = port
 
     @classmethod
@@ -157,13 +159,15 @@ class OpenOcd(Tool):
         # `reset halt`, not `halt`: a program that is only halted leaves its last effort on the bridges.
         all_commands = ("init", "reset halt", *commands, "shutdown")
         options = [word for command in all_commands for word in ("-c", command)]
-        return self.run("openocd", "-f", "interface/stlink.cfg", "-f", "target/stm32f4x.cfg", *options)
+        return self.run(
+            "openocd", "-f", "interface/stlink.cfg", "-f", f"target/{self.chip_of.openocd}.cfg", *options
+        )
 
     def chip(self) -> ChipSeen:
-        """DBGMCU_IDCODE and the flash size register (RM0090 38.6.1, 39.2)."""
+        """DBGMCU_IDCODE and the flash size register (RM0090 38.6.1, 39.2; RM0440 has them as well)."""
         said = self._do(
             'echo "device [format 0x%03x [expr {[mrw 0xE0042000] & 0xFFF}]]"',
-            'echo "flash [format %d [mrh 0x1FFF7A22]]"',
+            f'echo "flash [format %d [mrh 0x{self.chip_of.flash_size_at:08X}]]"',
         )
         return ChipSeen(self.found(r"device (0x[0-9a-f]+)", said), self.found(r"flash (\d+)", said))
 
@@ -264,8 +268,8 @@ class RomLoader(Tool):
     needs_port = True
     after = "BOOT0 back to 0 and press reset: the board then starts the new image"
 
-    def __init__(self, port: str = "") -> None:
-        super().__init__(port)
+    def __init__(self, chip_of: Chip, port: str = "") -> None:
+        super().__init__(chip_of, port)
         self._connected = False
 
     def _do(self, *options: str) -> str:
@@ -296,12 +300,12 @@ class RomLoader(Tool):
 TOOLS: tuple[type[Tool], ...] = (OpenOcd, StFlash, RomLoader)
 
 
-def choose(name: str | None, port: str) -> Tool:
+def choose(name: str | None, port: str, chip: Chip) -> Tool:
     """The tool of that name; without a name, the first that is installed (stm32flash: and has a port).
 
     Raises
     ------
-    FlashError : it, or each of them, is missing; or the ROM loader has no serial port.
+    FlashError : it, or each of them, is missing; or the ROM loader has no serial port, or is not known.
     """
     serial = "" if port == "sim" else port
     for tool in TOOLS:
@@ -313,7 +317,10 @@ def choose(name: str | None, port: str) -> Tool:
             raise FlashError(f"{tool.name} is not installed", tool.how_to_install())
         if tool.needs_port and not serial:
             raise FlashError("the ROM loader is reached over a serial port", "name it with --port")
-        return tool(serial)
+        if tool is RomLoader and not chip.tested_ways:
+            problem = f"the ROM loader of an {chip.title} is not known to truing"
+            raise FlashError(problem, "a probe flashes it: openocd, st-flash")
+        return tool(chip, serial)
     packages = ", ".join(tool.package for tool in TOOLS)
     raise FlashError(
         "none of openocd, st-flash and (with --port) stm32flash is installed",

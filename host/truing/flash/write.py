@@ -23,6 +23,7 @@ _DEVICES = {
     0x440: "STM32F05x",
     0x449: "STM32F74x",
     0x450: "STM32H74x",
+    0x469: "STM32G471 to G484",
 }
 # FLASH_OPTCR, RM0090 3.9.10: level of the brown-out reset, 0 the highest; lock and start; read protection.
 _BOR_LEV = 3 << 2
@@ -112,6 +113,11 @@ def _set_brown_out_reset(tool: Tool) -> str:
     ------
     FlashError : the chip does not hold what was set.
     """
+    if not tool.chip_of.tested_ways:
+        return (
+            f"the option bytes of an {tool.chip_of.title} are left as they are; where `truing info` names "
+            "brown_out_reset_off, set BOR_LEV to 4 with ST's programmer"
+        )
     before = tool.option_bytes()
     if before is None:
         return (
