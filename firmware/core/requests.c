@@ -361,7 +361,7 @@ static struct refusal answer_arm(struct controller *controller, const struct fra
     if (!proto_arm_request_decode(&in, request->payload, request->payload_length)) {
         return bad_length(request);
     }
-    return controller->update.receiving
+    return update_is_under_way(&controller->update)
                ? refused(PROTO_REFUSAL_REASON_UPDATE_UNDER_WAY, controller->update.next)
                : robot_arm(&controller->robot, in.boot_id);
 }
@@ -439,7 +439,7 @@ static struct refusal answer_stream_read(struct controller *controller, const st
 static struct refusal answer_update_state(struct controller *controller, const struct frame *request,
                                           struct reply *reply)
 {
-    return requests_update_state(&controller->update, request, reply);
+    return requests_update_state(&controller->update, &controller->robot, request, reply);
 }
 
 static struct refusal answer_update_begin(struct controller *controller, const struct frame *request,

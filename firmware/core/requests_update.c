@@ -6,14 +6,14 @@ static struct refusal bad_length(const struct frame *request)
     return refused(PROTO_REFUSAL_REASON_BAD_LENGTH, (uint32_t)request->payload_length);
 }
 
-struct refusal requests_update_state(const struct update *update, const struct frame *request,
-                                     struct reply *reply)
+struct refusal requests_update_state(const struct update *update, const struct robot *robot,
+                                     const struct frame *request, struct reply *reply)
 {
     struct proto_update_state_reply out;
     if (request->payload_length != 0) {
         return bad_length(request);
     }
-    update_report(update, &out);
+    update_report(update, robot, &out);
     reply->length = proto_update_state_reply_encode(&out, reply->bytes, reply->capacity);
     return accepted();
 }

@@ -7,8 +7,8 @@
 #include "requests_log.h"
 #include "update.h"
 
-struct refusal requests_update_state(const struct update *update, const struct frame *request,
-                                     struct reply *reply);
+struct refusal requests_update_state(const struct update *update, const struct robot *robot,
+                                     const struct frame *request, struct reply *reply);
 struct refusal requests_update_begin(struct update *update, struct robot *robot, const struct frame *request,
                                      struct reply *reply);
 struct refusal requests_update_data(struct update *update, uint32_t now_ms, const struct frame *request,

@@ -29,10 +29,12 @@ static void forget(struct update *update)
     update->receiving = false;
 }
 
-void update_report(const struct update *update, struct proto_update_state_reply *out)
+void update_report(const struct update *update, const struct robot *robot,
+                   struct proto_update_state_reply *out)
 {
     char *const names[HAL_IMAGE_SLOTS] = {out->name_0, out->name_1};
     *out = (struct proto_update_state_reply){
+        .boot_id = robot->boot_id,
         .running = (uint8_t)hal_image_running(),
         .receiving = update->receiving,
         .next = update->next,
@@ -81,6 +83,13 @@ static struct refusal may_begin(const struct update *update, struct robot *robot
     return verdict;
 }
 
+static void disarm(struct robot *robot)
+{
+    const uint32_t state = hal_critical_enter();
+    robot->supervisor.armed = false;
+    hal_critical_exit(state);
+}
+
 struct refusal update_begin(struct update *update, struct robot *robot,
                             const struct proto_update_begin_request *in, struct proto_update_begin_reply *out)
 {
@@ -89,9 +98,7 @@ struct refusal update_begin(struct update *update, struct robot *robot,
     if (verdict.reason != REFUSAL_NONE) {
         return verdict;
     }
-    const uint32_t state = hal_critical_enter();
-    robot->supervisor.armed = false;
-    hal_critical_exit(state);
+    disarm(robot);
     const bool goes_on = update->chunks != 0u && update->size == in->size &&
                          memcmp(update->head, in->head, sizeof update->head) == 0;
     if (!goes_on) {
@@ -225,6 +232,11 @@ struct refusal update_finish(struct update *update, uint32_t *sequence)
                                                   : refused(PROTO_REFUSAL_REASON_UPDATE_FAILED, target());
 }
 
+bool update_is_under_way(const struct update *update)
+{
+    return update->receiving || update->restarts;
+}
+
 struct refusal update_restart(struct update *update, struct robot *robot, uint32_t boot_id)
 {
     if (boot_id != robot->boot_id) {
@@ -232,6 +244,7 @@ struct refusal update_restart(struct update *update, struct robot *robot, uint32
     }
     const struct refusal verdict = robot_prepare_stall(robot);
     if (verdict.reason == REFUSAL_NONE) {
+        disarm(robot);
         update->restarts = true;
         update->restart_ms = robot->now_ms + UPDATE_RESTART_MS;
     }

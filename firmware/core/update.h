@@ -38,7 +38,8 @@ struct update {
 
 void update_init(struct update *update);
 
-void update_report(const struct update *update, struct proto_update_state_reply *out);
+void update_report(const struct update *update, const struct robot *robot,
+                   struct proto_update_state_reply *out);
 
 struct refusal update_begin(struct update *update, struct robot *robot,
                             const struct proto_update_begin_request *in,
@@ -46,6 +47,9 @@ struct refusal update_begin(struct update *update, struct robot *robot,
 struct refusal update_data(struct update *update, uint32_t now_ms,
                            const struct proto_update_data_request *in);
 struct refusal update_finish(struct update *update, uint32_t *sequence);
+
+/* An image is received, or a start is about to come: the board is not armed. */
+bool update_is_under_way(const struct update *update);
 
 /* Starts anew a while later. */
 struct refusal update_restart(struct update *update, struct robot *robot, uint32_t boot_id);

@@ -112,6 +112,9 @@ static void start_tick(uint32_t cpu_hz)
 {
     SCB_SHPR(EXCEPTION_SYSTICK) = PRIORITY_TICK;
     SYSTICK->load = cpu_hz / TICK_HZ - 1u;
+    /* A tick is a whole number of PWM periods: begun with one, it hands its efforts over well before the
+     * next, however long the start took. Half a period off, busy ticks would miss it and quiet ones not. */
+    motors_await_period();
     SYSTICK->val = 0;
     SYSTICK->ctrl = SYSTICK_CTRL_CLKSOURCE | SYSTICK_CTRL_TICKINT | SYSTICK_CTRL_ENABLE;
 }

@@ -170,6 +170,19 @@ void motors_start(uint32_t timer_hz)
     motors_go();
 }
 
+void motors_await_period(void)
+{
+    enum { READS = 8400 }; /* more than a period of 8400 cycles takes, in case the timer stands */
+    uint32_t before = LEFT_TIMER->cnt;
+    for (uint32_t i = 0; i < (uint32_t)READS; i++) {
+        const uint32_t now = LEFT_TIMER->cnt;
+        if (now < before) {
+            return;
+        }
+        before = now;
+    }
+}
+
 void motors_stop(void)
 {
     set_outputs(BRAKED);

@@ -11,6 +11,9 @@
  */
 void motors_start(uint32_t timer_hz);
 
+/* Waits for the next PWM period of the left bridge to begin, 50 us at most. */
+void motors_await_period(void);
+
 /* Brakes both bridges at once, by one write that needs no other state; for fault handlers. */
 void motors_stop(void);
 

@@ -1089,20 +1089,21 @@ size_t proto_update_state_reply_encode(const struct proto_update_state_reply *fr
     if (capacity < PROTO_UPDATE_STATE_REPLY_SIZE) {
         return 0;
     }
-    put_u8(out + 0, from->running);
-    put_u8(out + 1, from->receiving);
-    put_u16(out + 2, from->next);
-    put_u16(out + 4, from->chunks);
-    put_u16(out + 6, from->chunk_size);
-    put_u32(out + 8, from->slot_size);
+    put_u32(out + 0, from->boot_id);
+    put_u8(out + 4, from->running);
+    put_u8(out + 5, from->receiving);
+    put_u16(out + 6, from->next);
+    put_u16(out + 8, from->chunks);
+    put_u16(out + 10, from->chunk_size);
+    put_u32(out + 12, from->slot_size);
     for (size_t i = 0; i < 2; i++) {
-        put_u8(out + 12 + i * 1, from->states[i]);
+        put_u8(out + 16 + i * 1, from->states[i]);
     }
     for (size_t i = 0; i < 2; i++) {
-        put_u32(out + 14 + i * 4, from->sequences[i]);
+        put_u32(out + 18 + i * 4, from->sequences[i]);
     }
-    put_text(out + 22, from->name_0, 40);
-    put_text(out + 62, from->name_1, 40);
+    put_text(out + 26, from->name_0, 40);
+    put_text(out + 66, from->name_1, 40);
     return PROTO_UPDATE_STATE_REPLY_SIZE;
 }
 
@@ -1110,21 +1111,22 @@ bool proto_update_state_reply_decode(struct proto_update_state_reply *to, const 
     if (length != PROTO_UPDATE_STATE_REPLY_SIZE) {
         return false;
     }
-    to->running = get_u8(in + 0);
-    to->receiving = get_u8(in + 1);
-    to->next = get_u16(in + 2);
-    to->chunks = get_u16(in + 4);
-    to->chunk_size = get_u16(in + 6);
-    to->slot_size = get_u32(in + 8);
+    to->boot_id = get_u32(in + 0);
+    to->running = get_u8(in + 4);
+    to->receiving = get_u8(in + 5);
+    to->next = get_u16(in + 6);
+    to->chunks = get_u16(in + 8);
+    to->chunk_size = get_u16(in + 10);
+    to->slot_size = get_u32(in + 12);
     for (size_t i = 0; i < 2; i++) {
-        to->states[i] = get_u8(in + 12 + i * 1);
+        to->states[i] = get_u8(in + 16 + i * 1);
     }
     for (size_t i = 0; i < 2; i++) {
-        to->sequences[i] = get_u32(in + 14 + i * 4);
+        to->sequences[i] = get_u32(in + 18 + i * 4);
     }
-    memcpy(to->name_0, in + 22, 40);
+    memcpy(to->name_0, in + 26, 40);
     to->name_0[40] = '\0';
-    memcpy(to->name_1, in + 62, 40);
+    memcpy(to->name_1, in + 66, 40);
     to->name_1[40] = '\0';
     return true;
 }

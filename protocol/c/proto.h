@@ -20,7 +20,7 @@
 #define PROTO_CAN_ANNOUNCE_BASE 0x680u /* its CAN id is this plus the node */
 #define PROTO_CAN_STATUS_BASE 0x6c0u /* its CAN id is this plus the node */
 #define PROTO_CAN_MOTION_BASE 0x700u /* its CAN id is this plus the node */
-#define PROTO_SCHEMA_HASH 0x7ec6a660u
+#define PROTO_SCHEMA_HASH 0x4f9c97abu
 
 /* Message ids; a reply has PROTO_REPLY_BIT set, a refusal is PROTO_ID_REFUSAL. */
 enum proto_id {
@@ -766,9 +766,10 @@ struct proto_stream_read_reply {
 size_t proto_stream_read_reply_encode(const struct proto_stream_read_reply *from, uint8_t *out, size_t capacity);
 bool proto_stream_read_reply_decode(struct proto_stream_read_reply *to, const uint8_t *in, size_t length);
 
-#define PROTO_UPDATE_STATE_REPLY_SIZE 102u
+#define PROTO_UPDATE_STATE_REPLY_SIZE 106u
 /* reply: the two slots for an image of the firmware, and what is being received */
 struct proto_update_state_reply {
+    uint32_t boot_id; /* another number after every start */
     uint8_t running; /* slot of the image that answers: 0 or 1 */
     uint8_t receiving; /* 1 while an image is received */
     uint16_t next; /* number of the chunk expected */

@@ -444,10 +444,33 @@ static void test_restart_wants_the_boot_id_and_happens_after_its_reply(void)
     in.boot_id = 1;
     fixture_ask(PROTO_ID_RESTART, payload, proto_restart_request_encode(&in, payload, sizeof payload));
     fixture_expect_accepted();
+    arm();
+    fixture_expect_refused(PROTO_REFUSAL_REASON_UPDATE_UNDER_WAY, 0);
     fixture_run(UPDATE_RESTART_MS - 1);
     TEST_ASSERT_EQUAL(0, fixture.board.restarts);
     fixture_run(3);
     TEST_ASSERT_GREATER_THAN(0, fixture.board.restarts);
+}
+
+static void test_the_state_names_both_images_and_how_far_the_transfer_is(void)
+{
+    struct proto_update_state_reply state;
+    start_with_two_images();
+    begin();
+    send_chunk(0);
+    fixture_ask(PROTO_ID_UPDATE_STATE, NULL, 0);
+    TEST_ASSERT_TRUE(
+        proto_update_state_reply_decode(&state, fixture.reply.payload, fixture.reply.payload_length));
+    TEST_ASSERT_EQUAL(1, state.running);
+    TEST_ASSERT_EQUAL(1, state.boot_id);
+    TEST_ASSERT_EQUAL(1, state.receiving);
+    TEST_ASSERT_EQUAL(1, state.next);
+    TEST_ASSERT_EQUAL(CHUNKS, state.chunks);
+    TEST_ASSERT_EQUAL(PROTO_IMAGE_STATE_NONE, state.states[0]);
+    TEST_ASSERT_EQUAL(PROTO_IMAGE_STATE_CONFIRMED, state.states[1]);
+    TEST_ASSERT_EQUAL(2, state.sequences[1]);
+    TEST_ASSERT_EQUAL_STRING("", state.name_0);
+    TEST_ASSERT_EQUAL_STRING(name, state.name_1);
 }
 
 /* FIPS 180-4's example of one block, and one of two. */
@@ -489,6 +512,7 @@ int main(void)
     RUN_TEST(test_worn_out_flash_is_reported_and_the_running_image_stays);
     RUN_TEST(test_a_robot_that_moves_takes_no_update_and_one_that_is_updated_does_not_move);
     RUN_TEST(test_restart_wants_the_boot_id_and_happens_after_its_reply);
+    RUN_TEST(test_the_state_names_both_images_and_how_far_the_transfer_is);
     RUN_TEST(test_sha256_has_the_values_of_its_standard);
     return UNITY_END();
 }

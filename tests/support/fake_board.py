@@ -174,7 +174,9 @@ class FakeBoard:
 
     def update_state(self, _: tp.UpdateStateRequest) -> bytes:
         states = (tp.ImageState.CONFIRMED, tp.ImageState.NONE)
-        return tp.UpdateStateReply(0, 0, 0, 0, 512, 81920, states, (1, 0), "truing-fake 0.0", "").pack()
+        return tp.UpdateStateReply(
+            self.boot_id, 0, 0, 0, 0, 512, 81920, states, (1, 0), "truing-fake 0.0", ""
+        ).pack()
 
     def seq_begin(self, request: tp.SeqBeginRequest) -> bytes:
         self.sequence, self.received, self._count = b"", b"", request.segment_count

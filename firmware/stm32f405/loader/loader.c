@@ -19,13 +19,13 @@ struct loader_vectors {
     void (*handlers[HANDLERS])(void);
 };
 
-extern uint32_t __loader_stack_top[];
+extern uint32_t __stack_top[];
 
 _Noreturn void loader_start(void);
 _Noreturn void loader_fault(void);
 
 __attribute__((section(".vectors"), used)) static const struct loader_vectors vectors = {
-    .stack_top = __loader_stack_top,
+    .stack_top = __stack_top,
     .handlers = {loader_start, [1 ... HANDLERS - 1] = loader_fault},
 };
 

@@ -13,7 +13,6 @@ from truing.progress import Progress, ignore_progress
 from truing_protocol import (
     PROTOCOL_VERSION,
     SCHEMA_HASH,
-    HelloReply,
     HelloRequest,
     RestartRequest,
     UpdateBeginRequest,
@@ -60,7 +59,7 @@ def update_over_link(
     FlashError : another board's image, an image that was rolled back, or a link that was cut.
     Refused : the robot moves, its wheels turn, or a log is being written.
     """
-    boot_id = _greet(client)
+    _greet(client)
     state = _state(client)
     runs = slots_of(state)[state.running]
     if runs.name.partition(" ")[0] != file.header.board:
@@ -76,18 +75,17 @@ def update_over_link(
     say(f"slot {state.running} runs {runs.name}; {file.header.name} goes into slot {slot}")
     try:
         resumed_at, stall_s = _send(client, image, state.chunk_size, progress)
-        _restart(client, boot_id)
+        _restart(client, state.boot_id)
     except LinkError as error:
         raise FlashError(f"the link was cut: {error}; the board runs as before", _AGAIN) from error
     say("the board starts the new image on trial")
-    _see_it_stay(client, slot, file, boot_id)
+    _see_it_stay(client, slot, file, state.boot_id)
     return Updated(slot, file.header.name, len(image), resumed_at, stall_s)
 
 
-def _greet(client: Client, patience_s: float = 3.0) -> int:
-    """The boot id; to a board on trial, the greeting that confirms its image."""
-    request = HelloRequest(PROTOCOL_VERSION, SCHEMA_HASH)
-    return HelloReply.unpack(client.exchange(request, patience_s=patience_s).payload).boot_id
+def _greet(client: Client, patience_s: float = 3.0) -> None:
+    """Confirm the image that runs, where it is on trial; the answer may be of any version."""
+    client.exchange(HelloRequest(PROTOCOL_VERSION, SCHEMA_HASH), patience_s=patience_s)
 
 
 def _state(client: Client) -> UpdateStateReply:
@@ -139,8 +137,9 @@ def _see_it_stay(client: Client, slot: int, file: UpdateFile, before: int) -> No
     while True:
         client.stream.sleep(_START_POLL_S)
         try:
-            if _greet(client, _START_POLL_S) != before:
-                state = _state(client)
+            _greet(client, _START_POLL_S)
+            state = _state(client)
+            if state.boot_id != before:
                 break
         except (LinkTimeout, PortError):
             pass

@@ -46,7 +46,7 @@ _NEXT_STEP: dict[int, str] = {
         "check the board's supply and try again; if it stays so, the flash is worn out: change the board"
     ),
     RefusalReason.UPDATE_ON_TRIAL: "any command of truing confirms the image that runs: try again",
-    RefusalReason.WHEELS_TURN: "hold the robot; then try again",
+    RefusalReason.WHEELS_TURN: "wait until the robot stands, or hold it; then try again",
     RefusalReason.LOG_BUSY: (
         "wait for the sequence to end, or `truing stop`; `truing log disarm` ends an armed log"
     ),

@@ -1849,15 +1849,16 @@ class StreamReadRequest:
         return StreamReadReply.unpack(payload)
 
 
-_UPDATE_STATE_REPLY = struct.Struct("<BBHHHI2B2I40s40s")
+_UPDATE_STATE_REPLY = struct.Struct("<IBBHHHI2B2I40s40s")
 
 
 @dataclass(frozen=True, slots=True)
 class UpdateStateReply:
     """Reply: the two slots for an image of the firmware, and what is being received."""
 
-    SIZE: ClassVar[int] = 102
+    SIZE: ClassVar[int] = 106
 
+    boot_id: int  # another number after every start
     running: int  # slot of the image that answers: 0 or 1
     receiving: int  # 1 while an image is received
     next: int  # number of the chunk expected
@@ -1871,24 +1872,25 @@ class UpdateStateReply:
 
     def pack(self) -> bytes:
         """The payload's bytes; struct.error when a value does not fit its field."""
-        return _UPDATE_STATE_REPLY.pack(self.running, self.receiving, self.next, self.chunks, self.chunk_size, self.slot_size, *self.states, *self.sequences, self.name_0.encode("ascii"), self.name_1.encode("ascii"))
+        return _UPDATE_STATE_REPLY.pack(self.boot_id, self.running, self.receiving, self.next, self.chunks, self.chunk_size, self.slot_size, *self.states, *self.sequences, self.name_0.encode("ascii"), self.name_1.encode("ascii"))
 
     @classmethod
     def unpack(cls, payload: bytes) -> UpdateStateReply:
         """Read the payload's bytes; PayloadError when their number is wrong."""
-        _check_length(payload, 102, False, cls)
+        _check_length(payload, 106, False, cls)
         v = _UPDATE_STATE_REPLY.unpack_from(payload)
         return cls(
-            running=v[0],
-            receiving=v[1],
-            next=v[2],
-            chunks=v[3],
-            chunk_size=v[4],
-            slot_size=v[5],
-            states=v[6 : 8],
-            sequences=v[8 : 10],
-            name_0=_text(v[10]),
-            name_1=_text(v[11]),
+            boot_id=v[0],
+            running=v[1],
+            receiving=v[2],
+            next=v[3],
+            chunks=v[4],
+            chunk_size=v[5],
+            slot_size=v[6],
+            states=v[7 : 9],
+            sequences=v[9 : 11],
+            name_0=_text(v[11]),
+            name_1=_text(v[12]),
         )
 
 

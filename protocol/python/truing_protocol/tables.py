@@ -21,7 +21,7 @@ LOG_RECORD_VERSION: Final = 2
 CAN_HOST_TO_BOARD: Final = 0x600
 CAN_BOARD_TO_HOST: Final = 0x640
 CAN_NODES: Final = 0x3f
-SCHEMA_HASH: Final = 0x7ec6a660
+SCHEMA_HASH: Final = 0x4f9c97ab
 REFUSAL_ID: Final = 0xff
 REPLY_BIT: Final = 0x80
 
