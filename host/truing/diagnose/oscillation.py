@@ -17,10 +17,12 @@ import numpy as np
 from truing.arrays import FloatArray, IntArray
 from truing.diagnose.data.set_data import SetData
 from truing.diagnose.fit import Fit
-from truing.diagnose.problem import Problem
+from truing.diagnose.problem import MIN_NOISE_COUNTS, Problem
 
 # Means over this time are correlated, s: the counts' noise in faster rows hides what is slower.
 MEANS_S = 0.05
+# RMS of the means over that of rounding, up to which they are rounding: it beats at a steady speed.
+OVER_ROUNDING = 1.2
 # Half periods that are looked for, s.
 MIN_HALF_PERIOD_S, MAX_HALF_PERIOD_S = 0.1, 1.0
 # Smallest depth (`_depth`) of an oscillation, and over its standard error between runs.
@@ -57,7 +59,8 @@ def _half_period_s(data: SetData, residual: FloatArray) -> float | None:
     )
     covariance = _covariances(data, residual, rows, 2 * longest)
     total, runs = covariance.sum(axis=0), len(covariance)
-    if runs < MIN_RUNS or len(data) < MIN_PERIODS * 2 * longest * rows * runs or total[0] <= 0.0:
+    short = len(data) < MIN_PERIODS * 2 * longest * rows * runs
+    if runs < MIN_RUNS or short or _is_rounding(data, float(total[0]) * rows / len(data), rows):
         return None
     halves = np.arange(shortest, longest + 1)
     depths = _depth(total, halves)
@@ -66,6 +69,12 @@ def _half_period_s(data: SetData, residual: FloatArray) -> float | None:
     # The jackknife's standard error over runs (Efron and Stein 1981).
     error = float(np.sqrt((runs - 1) / runs * np.sum((without - without.mean()) ** 2)))
     return half * rows * interval_s if depths.max() > max(MIN_DEPTH, DEPTH_ERRORS * error) else None
+
+
+def _is_rounding(data: SetData, mean_square: float, rows: int) -> bool:
+    """Whether means over so many rows differ by rounding alone, which telescopes in differences of counts."""
+    rounding_mps = MIN_NOISE_COUNTS * data.resolution_mps / rows
+    return mean_square <= (OVER_ROUNDING * rounding_mps) ** 2
 
 
 def _covariances(data: SetData, residual: FloatArray, rows: int, reach: int) -> FloatArray:

@@ -185,7 +185,7 @@ def _leaves_something(search: Search, best: Fit, remaining: Structure, times_flo
         or unexplained_exceeds_explained(search, remaining, best, base)
         or _exceeds_noise(problem, best, remaining, times_floor)
         or bool(np.any(comes_and_goes(problem, best) & above))
-        or (bool(above.any()) and find_oscillation(problem, best) is not None)
+        or find_oscillation(problem, best) is not None
     )
 
 
