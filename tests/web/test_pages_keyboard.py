@@ -117,7 +117,8 @@ def test_an_experiment_is_chosen_shown_and_its_dialog_left_by_keys(page):
     box.wait_for()
     wait(lambda: page.evaluate(_NAME)[1].startswith(START), "the focus on the start")
     assert out_of_reach_by_tab(page) == []
-    assert page.evaluate("document.querySelector('.q-dialog').contains(document.activeElement)")
+    inside = "document.querySelector('.q-dialog').contains(document.activeElement)"
+    wait(lambda: page.evaluate(inside), "the focus back in the dialog")  # it is led back after it has left
     page.keyboard.press("Escape")
     box.wait_for(state="hidden")
     wait(lambda: page.evaluate(_NAME)[1] == "Preview and run", "the focus where it was")
