@@ -100,7 +100,8 @@ class Search:
 
     def quick_fits(self, anchor: Fit, max_count: int) -> list[Fit]:
         """`anchor` with each of the best candidates added, after few iterations, largest gain first."""
-        names = [name for name in self.probes if name not in (*anchor.effects, *ONE_WITH_THE_GAIN)]
+        excluded = {*anchor.effects, *ONE_WITH_THE_GAIN, *_related(anchor.effects)}
+        names = [name for name in self.probes if name not in excluded]
         probes = simulate_probes(self.problem, anchor, names)
         candidates = _affordable(rank_candidates(self.problem, anchor, probes))[:max_count]
         with ThreadPoolExecutor(self.jobs) as pool:
@@ -149,6 +150,12 @@ class Search:
             done = pool.map(lambda one: fit(problem.for_thread(), one.effects, one.theta, iterations=6), keep)
             other.fits = {effect_set(*one.effects): one for one in done}
         return other
+
+
+def _related(effects: Sequence[str]) -> set[str]:
+    """Effects that generalise one of these, or are a special case of it: one model holds one of the two."""
+    general = {name for name, effect in CATALOGUE.items() if effect.extends in effects}
+    return general | {CATALOGUE[name].extends for name in effects}
 
 
 def _affordable(candidates: Sequence[Candidate]) -> list[Candidate]:

@@ -198,11 +198,12 @@ def _exceeds_noise(problem: Problem, best: Fit, remaining: Structure, times_floo
 def select_model(search: Search, base: Fit) -> Fit:
     """The baseline, the best single effect to be named, or the best pair of which each is needed.
 
-    None of them raises the error on runs left out.
+    None of them raises the error on runs left out, and no effect is taken whose special case does as well.
     """
     unseen = UnseenRuns.of(search)
     singles = [one for one in search.ranked(1)[:MAX_PAIRS_COMPARED] if is_named(search, one, base)]
     best = _best_on_unseen_runs(unseen, singles, base)
+    best = next((one for one in singles if _only_extends(search, one, best)), best)
     pairs = [one for one in search.ranked(2)[:MAX_PAIRS_COMPARED] if needs_both_effects(search, one)]
     return _best_on_unseen_runs(unseen, pairs, best)
 
