@@ -69,6 +69,6 @@ def test_a_diagnosis_says_that_no_simulation_can_follow_and_what_to_record() -> 
     found = truing.diagnose(motor(2e-4, 0.05), jobs=1)
     shown = {section.title: " ".join(section.lines) for section in sections(found)}
     assert found.verdict == "unexplained"
-    assert "do not tell slow from fast motion" in shown["Verdict"]
+    assert "do not distinguish slow from fast motion" in shown["Verdict"]
     assert "Next: record steps of effort without a speed controller" in shown["Verdict"]
     assert "Inspect the places" not in shown["What to do next"]

@@ -66,9 +66,10 @@ class DrownedDamping:
     def text(self) -> str:
         """The finding in words."""
         return (
-            f"the efforts do not tell slow from fast motion: full speed takes {self.damping:.3f} of full "
-            f"effort more than creeping (damping), and efforts scatter by {self.scatter:.3f} about that, as "
-            "under a speed controller; no simulation that they drive can follow the speed"
+            "the efforts do not distinguish slow from fast motion: full speed takes "
+            f"{self.damping:.3f} of full effort more than creeping (damping), and efforts scatter by "
+            f"{self.scatter:.3f} about that, as under a speed controller; no simulation that they drive can "
+            "follow the speed"
         )
 
 

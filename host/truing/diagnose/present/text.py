@@ -142,7 +142,8 @@ def headline(diagnosis: Diagnosis) -> str:
         mark = ";" if any(" with " in option for option in options) else ","
         return f"Physics is missing; these recordings do not identify which: {joined(options, 'or', mark)}."
     if _says_no_speed(diagnosis):
-        return "The efforts do not tell slow from fast motion: no simulation that they drive can follow it."
+        sentence = "The efforts do not distinguish slow from fast motion"
+        return f"{sentence}: no simulation that they drive can follow it."
     return "There is a significant mismatch, and nothing in the catalogue explains it."
 
 
