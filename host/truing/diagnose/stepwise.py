@@ -85,7 +85,7 @@ def next_effect(search: Search, best: Fit) -> Fit | None:
 
 
 def is_worth_it(search: Search, unseen: UnseenRuns, one: Fit, other: Fit) -> bool:
-    """Whether `one` is significantly better than `other`, which it contains, and better on runs left out.
+    """Whether `one` is significantly better than `other`, a smaller model, and better on runs left out.
 
     Where a model leaves more than noise, no noise model is right and the likelihood is only a lower bound:
     there a benefit on runs left out, at the cost of no other run, is evidence as well, and a large one is
@@ -104,9 +104,8 @@ def is_worth_it(search: Search, unseen: UnseenRuns, one: Fit, other: Fit) -> boo
         return benefit > MIN_BENEFIT or (
             benefit > NEGLIGIBLE and leaves_something(search, other, SUSPECT_OF_FLOOR)
         )
-    if _free_run_error(search, one) > _free_run_error(search, other) or not (
-        exceeds_noise or more.gain > 0.0
-    ):
+    likely = exceeds_noise or more.gain > 0.0
+    if not likely or _free_run_error(search, one) > _free_run_error(search, other):
         return False
     needed = MIN_BENEFIT if exceeds_noise else MIN_BENEFIT_WITHIN_NOISE
     return unseen.benefit(one, other) > needed and unseen.loss_share(one, other) < MAX_LOSS_SHARE
